@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from smad.diagnosis.answer import Answer
 from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides
 from smad.diagnosis.places.responses import law_series
 from smad.diagnosis.plant import Array, ModelPoint
+from smad.diagnosis.rivals.evidence import with_drifts
 from smad.diagnosis.rivals.fit import replayed
 from smad.diagnosis.rivals.parts import LawPart
 from smad.diagnosis.rivals.rival import put_together
@@ -23,6 +25,10 @@ from smad.report.plots import draw, label, new_figure, picture
 from smad.style.palette import in_print
 from smad.units import in_words
 
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.figure import Figure
+
 _BINS = 24
 _MORE_SIGNALS = 5
 
@@ -32,7 +38,8 @@ class Course:
     """The judged run with the largest gap; `measured`, `before` and `after` are (bins, channels).
 
     `before` is the simulator as configured, `after` with what is told, fitted without the run (None
-    where that is nothing).
+    where that is nothing). As they are judged, both have what wanders in the run where anything
+    does; `wanders` says so.
     `floors` (bins, channels) in channel units. `order` are channels, those first that are furthest
     off; `labels` what their axes show.
     """
@@ -46,6 +53,7 @@ class Course:
     order: tuple[int, ...]
     labels: tuple[str, ...]
     paired: bool
+    wanders: bool
 
     @classmethod
     def of(cls, answer: Answer, search: Searched) -> Course | None:
@@ -54,18 +62,19 @@ class Course:
         counts = np.maximum(question.judged.counts, 1.0)
         k = int(np.argmax((squares / counts).max(axis=1)))
         trial = question.judged.trials[k]
-        replay = replayed(
-            question.judged.part([k]), question.model.start, question.model, exact=True
-        )
+        run = question.judged.part([k])
+        replay = replayed(run, question.model.start, question.model, exact=True)
         if replay is None:
             return None
         fitted = search.final.fit
         predicted = None if fitted is None else question.predicted(fitted)
-        (before,), after = replay, None
+        paired, after = answer.verdict.gaps_of == PAIRED, None
+        (before,) = replay if paired else with_drifts(run, replay)
         if predicted is not None:
-            after = put_together(question.judged, predicted)[k]
+            judged = question.judged
+            judged_as = [replace(p, values=with_drifts(judged, p.values)) for p in predicted]
+            after = put_together(judged, judged_as)[k]
         measured = np.where(trial.rows.valid, trial.target, np.nan)
-        paired = answer.verdict.gaps_of == PAIRED
         if paired:
             measured, before = measured - before, np.zeros_like(before)
             after = None if after is None else after - replay[0]
@@ -81,7 +90,14 @@ class Course:
             order=tuple(int(c) for c in ranked if trial.rows.valid[:, c].any()),
             labels=tuple(labelled(c.words or c.name, c.unit) for c in channels),
             paired=paired,
+            wanders=run.wanders,
         )
+
+    @property
+    def drifts(self) -> str:
+        """What a caption says of predictions that have what wanders."""
+        words = " Slow drifts and offsets that were fitted in the run are in the predictions."
+        return words * self.wanders
 
     def curves(self, c: int) -> list[tuple[Array, str, str, str, float]]:
         """The curves of a channel: values, label, colour, style and width."""
@@ -105,7 +121,7 @@ def largest_gap(course: Course) -> Picture:
         width_in=7.0,
     )
     _draw(axes[0], course.t_s, course.curves(c))
-    label(axes[0], "", "", course.labels[c])
+    label(axes[0], "", "", course.labels[c], legend=False)
     lower = axes[-1]
     lower.fill_between(
         course.t_s,
@@ -120,12 +136,13 @@ def largest_gap(course: Course) -> Picture:
         measured, *simulated = course.curves(c)
         _draw(lower, course.t_s, [(measured[0] - y, "", *pen) for y, _, *pen in simulated])
     unit = course.labels[c].rpartition(", ")[2]
-    label(lower, "time of the run, s", "", "" if course.paired else f"measured − simulated, {unit}")
+    words = "" if course.paired else f"measured − simulated, {unit}"
+    label(lower, "time of the run, s", "", words, legend=False)
+    _legend(figure)
     lead = "The change of the" if course.paired else "The"
     without = "" if course.after is None else " The cause was fitted without this run."
-    return picture(
-        figure, "The largest gap", f"{lead} signal with the largest gap, in {course.run}.{without}"
-    )
+    caption = f"{lead} signal with the largest gap, in {course.run}.{without}{course.drifts}"
+    return picture(figure, "The largest gap", caption)
 
 
 def more_signals(course: Course) -> Picture | None:
@@ -136,9 +153,27 @@ def more_signals(course: Course) -> Picture | None:
     figure, axes = new_figure(len(channels), height_in=1.5 * len(channels) + 0.4, share_x=True)
     for ax, c in zip(axes, channels, strict=True):
         _draw(ax, course.t_s, course.curves(c))
-        label(ax, "", "", course.labels[c], legend=c == channels[0])
+        label(ax, "", "", course.labels[c], legend=False)
     axes[-1].set_xlabel("time of the run, s")
-    return picture(figure, "More signals", f"{course.run}: the next signals by their gap.")
+    _legend(figure)
+    caption = f"{course.run}: the next signals by their gap.{course.drifts}"
+    return picture(figure, "More signals", caption)
+
+
+def _legend(figure: Figure) -> None:
+    """One legend below the axes: a noisy signal fills them."""
+    curves: dict[str, Artist] = {}
+    for ax in figure.axes:
+        handles, words = ax.get_legend_handles_labels()
+        curves |= dict(zip(words, handles, strict=True))
+    figure.legend(
+        list(curves.values()),
+        list(curves),
+        loc="outside lower left",
+        ncols=4,
+        frameon=False,
+        fontsize=8,
+    )
 
 
 def _draw(ax, t_s: Array, curves) -> None:  # type: ignore[no-untyped-def]

@@ -164,12 +164,15 @@ class Evidence:
         """Rows `r` (n,) less what the directions of each run take, at weights (n,) of squares."""
         if not self.wanders:
             return r
-        out = r.copy()
+        taken = zip(self.taken(r, weight), self.wandering, strict=True)
+        return np.asarray(r - np.concatenate([u @ D for u, D in taken]))
+
+    def taken(self, r: Array, weight: Array) -> list[Array]:
+        """How far rows `r` (n,) go along the directions of each run, (k,), at weights (n,)."""
+        out = []
         for span, D in zip(self.spans, self.wandering, strict=True):
-            if len(D):
-                W = D * weight[span]
-                u = np.linalg.solve(W @ D.T + np.eye(len(D)), W @ r[span])
-                out[span] -= u @ D
+            W = D * weight[span]
+            out.append(np.asarray(np.linalg.solve(W @ D.T + np.eye(len(D)), W @ r[span])))
         return out
 
     def weighted(self, weight: Array) -> Callable[[Array], Array]:
@@ -234,6 +237,14 @@ def without_drifts(evidence: Evidence, left: Array) -> Array:
     for _ in range(_DRIFT_ROUNDS if evidence.wanders else 0):
         rows = evidence.freed(left, weights(evidence, rows))
     return rows
+
+
+def with_drifts(evidence: Evidence, predicted: Sequence[Array]) -> list[Array]:
+    """Predictions (bins, channels) with what wanders in each run, as they are judged."""
+    left = evidence.left(predicted)
+    weight = weights(evidence, without_drifts(evidence, left))
+    steps = zip(evidence.trials, evidence.taken(left, weight), predicted, strict=True)
+    return [p + np.tensordot(u * t.rows.day_sd, t.rows.day, axes=1) for t, u, p in steps]
 
 
 def form_of(

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from smad.diagnosis.numerics.white import RunRows
-from smad.diagnosis.rivals.evidence import Evidence, Trial, form_of, weights, without_drifts
+from smad.diagnosis.rivals.evidence import (
+    Evidence,
+    Trial,
+    form_of,
+    weights,
+    with_drifts,
+    without_drifts,
+)
 
 FLOOR, BINS, CHANNELS = 0.5, 600, 3
 
@@ -49,6 +56,23 @@ def test_a_drift_of_several_times_the_usual_size_is_taken_off(sizes: float) -> N
     left = without_drifts(evidence, evidence.left([np.zeros((BINS, 1))]))
     assert np.sqrt(np.mean(left**2)) == pytest.approx(np.sqrt(np.mean(noise**2)), rel=0.02)
     assert weights(evidence, left) == pytest.approx(1.0 / (32.0 * np.ones(BINS)), rel=0.1)
+
+
+def test_a_prediction_is_drawn_with_the_drift_that_is_taken_off_in_its_gap() -> None:
+    day = np.linspace(0.0, 1.0, BINS)[None, :, None]
+    drift = 20.0 * day[0]
+    rows = RunRows.of(np.full(1, FLOOR), np.ones((BINS, 1), dtype=bool), 10.0 * day)
+    predicted = np.sin(np.arange(BINS))[:, None]
+    trials = [
+        Trial(played=cast(Any, SimpleNamespace()), target=predicted + x, rows=r)
+        for x, r in ((drift, rows), (0.0, RunRows.of(np.full(1, FLOOR), rows.valid)))
+    ]
+    evidence = Evidence(trials=tuple(trials))
+    drawn, as_it_was = with_drifts(evidence, [predicted, predicted])
+    assert drawn == pytest.approx(predicted + drift, abs=0.1 * FLOOR)
+    assert (as_it_was == predicted).all()
+    left = without_drifts(evidence, evidence.left([predicted, predicted]))
+    assert evidence.left([drawn, as_it_was]) == pytest.approx(left, abs=0.01)
 
 
 def test_a_channel_that_no_run_has_is_not_counted() -> None:
