@@ -14,6 +14,7 @@ from smad.diagnosis.rivals.fit import rebased
 from smad.diagnosis.rivals.score import log_scores
 from smad.diagnosis.rivals.screening import variances_beside
 from smad.diagnosis.rivals.search import Searched
+from smad.units import in_words
 
 _RANGE = (1e-6, 1e6)
 
@@ -36,9 +37,9 @@ def unseen_strengths(search: Searched) -> list[str]:
     for change, q in absent:
         added = added_by(change.rows.astype(np.float64))
         size = _strength(v, added, of_score, e.least)
-        unit = "" if q.unit == "1" else f" {q.unit}"
         strength = size * abs(q.typical)
-        words = f"less than {strength:.2g}{unit}" if strength < q.high else "any strength"
+        below = f"less than {strength:.2g} {in_words(q.unit)}".rstrip()
+        words = below if strength < q.high else "any strength"
         rows.append((strength / abs(q.typical), f"{change.effect.name}, {q.name}: {words}"))
     return [text for _, text in sorted(rows, reverse=True)]
 

@@ -53,6 +53,13 @@ def test_the_gap_of_a_function_is_named_sized_and_goes_into_a_model_file(tmp_pat
     assert any("inputs: power_W; measured: temperature_degC" in n for n in answer.verdict.notes)
 
 
+def test_an_effect_without_a_unit_is_said_without_a_blank_at_its_end() -> None:
+    unseen = diagnose([heater_run(seed, tau=0.0) for seed in range(4)], declared_heater()).verdict
+    assert [re.sub(r"[.\d]+", "…", text) for text in unseen.unseen] == [
+        "slow_sensor, size: less than …"
+    ]
+
+
 def test_runs_may_be_files_a_pattern_tables_or_made_runs(tmp_path: Path) -> None:
     for n, run in enumerate(RUNS[:2]):
         rows = np.column_stack(list(run.values()))
