@@ -70,6 +70,8 @@ def diagnose(
     --map is a mapping file of smad log import. Give RUNs before --hold-out and --good, which take
     all that follows. The exit status is 3 if the runs cannot answer the question.
     """
+    from smad.diagnosis.report.files import AnswerFiles
+
     require_among(trust, (runs, hold_out, good), "--trust")
     runs, hold_out, good = without_left_out((runs, hold_out, good), leave_out)
     if not runs:
@@ -98,7 +100,8 @@ def diagnose(
     verdict = answer.verdict
     # A refused answer has no model; why it was refused says more than that.
     model_path = None if verdict.outcome == "refused" and not verdict.models else model_path
-    show_verdict(answer, json_path, page_path, model_path, verdict.write_model, arguments=arguments)
+    files = AnswerFiles(verdict=json_path, page=page_path, model=model_path)
+    show_verdict(answer, files, verdict.write_model, arguments=arguments)
     require_answered(verdict)
 
 

@@ -151,6 +151,7 @@ def checkup(
     from smad.checkup.programme import chosen
     from smad.checkup.series import NOW
     from smad.checkup.store import load
+    from smad.diagnosis.report.files import AnswerFiles
     from smad.diagnosis.spring_pair import SmaPlant
 
     plant = SmaPlant()
@@ -184,7 +185,8 @@ def checkup(
             )
     facts = [("baseline", str(folder or good)), ("repeats", str(judgement.pairs.good.repeats))]
     save_model = functools.partial(judgement.save_model, plant)
-    show_verdict(judgement, json_path, page_path, model_path, save_model, facts=facts)
+    files = AnswerFiles(verdict=json_path, page=page_path, model=model_path)
+    show_verdict(judgement, files, save_model, facts=facts)
 
 
 @click.command(cls=Command)

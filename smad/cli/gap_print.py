@@ -13,10 +13,10 @@ import click
 
 from smad.cli.options import option
 from smad.errors import REFUSED_STATUS
-from smad.files import named_output
 
 if TYPE_CHECKING:
     from smad.diagnosis.answer import Answer
+    from smad.diagnosis.report.files import AnswerFiles
     from smad.diagnosis.spring_pair import SmaPlant
     from smad.diagnosis.verdict import Verdict
 
@@ -60,44 +60,37 @@ def arguments_text(
 
 def show_verdict(
     answer: Answer,
-    json_path: Path | None,
-    page_path: Path | None,
-    model_path: Path | None,
+    files: AnswerFiles,
     save_model: Callable[[Path], None],
     *,
     arguments: str = "",
     facts: Sequence[tuple[str, str]] = (),
 ) -> None:
-    """Write verdict, page and model where asked for, each file whole; print verdict and files."""
-    if json_path is not None:
-        with named_output(json_path) as path:
-            path.write_bytes(answer.verdict.to_json())
-    if page_path is not None:
-        from smad.diagnosis.report.page import page_of
-        from smad.report.page import write_page
+    """Write the files of an answer; print the verdict, what is written, and then what is not."""
+    from smad.diagnosis.report.words import advice
 
-        write_page(page_of(answer, arguments, facts=facts), page_path)
-    if model_path is not None:
-        with named_output(model_path) as path:
-            save_model(path)
-    print_verdict(answer.verdict, arguments)
-    for written in filter(None, (json_path, page_path, model_path)):
-        click.echo(f"written: {written}", err=True)
+    written, failed = files.write(answer, save_model, arguments, facts)
+    # What a pipe or a terminal took is no file to read.
+    kept = (p if p in written and p.is_file() else None for p in (files.verdict, files.model))
+    print_verdict(answer.verdict, advice(answer.verdict, arguments, *kept) if arguments else ())
+    for path in written:
+        click.echo(f"written: {path}", err=True)
+    for error in failed[1:]:
+        click.echo(f"smad: {error}", err=True)
+    if failed:
+        raise failed[0]
 
 
-def print_verdict(verdict: Verdict, arguments: str = "") -> None:
-    """Print the verdict as wide as the terminal, its headline first; with arguments what is next.
-
-    These are those of the question, for the commands that are named.
-    """
-    from smad.diagnosis.report.words import advice, lines
+def print_verdict(verdict: Verdict, steps: Sequence[tuple[str, str]] = ()) -> None:
+    """Print the verdict as wide as the terminal, its headline first; then what to do next."""
+    from smad.diagnosis.report.words import lines
 
     headline, *rest = lines(verdict)
     width = min(100, shutil.get_terminal_size((100, 24)).columns)
     click.secho(headline, bold=True)
     for text in rest:
         click.echo(text if text.startswith("  ") else click.wrap_text(text, width=width))
-    for command, why in advice(verdict, arguments) if arguments else ():
+    for command, why in steps:
         click.echo(f"{why}: {command}" if command else why)
 
 

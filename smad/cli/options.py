@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from click.core import augment_usage_errors
 
 from smad.cli.quantity import Quantity, Whole
 from smad.errors import SmadError
@@ -120,7 +121,8 @@ class Command(click.Command):
         """Parse, and raise the usage error of options that do not belong together."""
         remaining = super().parse_args(ctx, args)
         if self._require is not None and not ctx.resilient_parsing:
-            self._require(ctx.params)
+            with augment_usage_errors(ctx):
+                self._require(ctx.params)
         return remaining
 
     def invoke(self, ctx: click.Context) -> Any:

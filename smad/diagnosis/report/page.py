@@ -30,8 +30,14 @@ _CHANGED = "what is new since the good runs"
 _FLOORS = {DIFFERS: "the noise of a reading", CHECK_UP: "the difference of two good days"}
 
 
-def page_of(answer: Answer, arguments: str = "", facts: Sequence[tuple[str, str]] = ()) -> Page:
-    """The page. `arguments` are the arguments as a shell takes them, `facts` files and the like."""
+def page_of(
+    answer: Answer,
+    arguments: str = "",
+    facts: Sequence[tuple[str, str]] = (),
+    files: tuple[Path | None, Path | None] = (None, None),
+) -> Page:
+    """The page. `arguments` are the arguments as a shell takes them, `facts` files and the like;
+    `files` are those of verdict and model, if they are written."""
     v, search = answer.verdict, answer.search
     course = None if search is None else figures.Course.of(answer, search)
     every = [r for c in v.causes for r in c.rivals] or v.rivals
@@ -47,7 +53,7 @@ def page_of(answer: Answer, arguments: str = "", facts: Sequence[tuple[str, str]
         ("Parameters", [parameters(v)] if v.parameters else []),
         ("What these runs would not have shown", [unseen(v)] if v.unseen else []),
         ("Runs", _runs(v)),
-        ("What to do next", _next(v, arguments)),
+        ("What to do next", _next(advice(v, arguments, *files) if arguments else ())),
     ]
     sections += [Section(title, blocks, folded=True) for title, blocks in folded if blocks]
     all_facts = [
@@ -167,6 +173,6 @@ def _runs(v: Verdict) -> list[Block]:
     return [table, *(Text(line, "note") for line in finding_lines(v, doubtful=False))]
 
 
-def _next(v: Verdict, arguments: str) -> list[Block]:
-    steps = [f"{c}    # {why}" if c else f"# {why}" for c, why in advice(v, arguments) if arguments]
-    return [Code("\n".join(steps))] if steps else []
+def _next(steps: Sequence[tuple[str, str]]) -> list[Block]:
+    lines = [f"{command}    # {why}" if command else f"# {why}" for command, why in steps]
+    return [Code("\n".join(lines))] if lines else []

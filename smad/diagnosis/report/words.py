@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 from collections.abc import Sequence
+from pathlib import Path
 
 from smad.counted import counted, listed
 from smad.diagnosis.plant import Effect
@@ -234,7 +236,7 @@ def verified_lines(rows: Sequence[SignalGap]) -> list[str]:
     return [
         f"{'RMS of measured − predicted':<29} {'before':>9} {'after':>9} {'floor':>9}",
         *(
-            f"{r.signal:<21} {r.unit:<7} {r.raw:>9.3g} {r.final:>9.3g} {r.floor:>9.3g}"
+            f"{r.signal:<21} {in_words(r.unit):<7} {r.raw:>9.3g} {r.final:>9.3g} {r.floor:>9.3g}"
             for r in rows
         ),
     ]
@@ -267,10 +269,16 @@ def judged_lines(v: Verdict) -> list[str]:
     return [f"judged on {v.judged_on}{largest}"]
 
 
-def advice(verdict: Verdict, arguments: str) -> list[tuple[str, str]]:
+def advice(
+    verdict: Verdict,
+    arguments: str,
+    json_path: Path | None = None,
+    model_path: Path | None = None,
+) -> list[tuple[str, str]]:
     """What to do next: commands and why.
 
-    `arguments` are the arguments as a shell takes them, a mapping of columns at their end.
+    `arguments` are the arguments as a shell takes them, a mapping of columns at their end. The
+    files are those that the verdict and the better model are written to.
     """
     v = verdict
     _, option, path = arguments.partition(" --map ")
@@ -282,7 +290,12 @@ def advice(verdict: Verdict, arguments: str) -> list[tuple[str, str]]:
     if undecided and v.question == DIFFERS:
         out.append((f"smad gap next {arguments}", "which run would tell the rivals apart"))
     if v.models and v.outcome in (CAUSES, PARAMETERS):
-        out.append((f"smad gap diagnose {arguments} --apply better.toml", "write the better model"))
-        verify = f"smad gap verify NEW-RUNS --model better.toml{mapping}"
+        model = shlex.quote(str(model_path or "better.toml"))
+        if model_path is None:
+            apply = f"smad gap diagnose {arguments} --apply {model}"
+            if json_path is not None:
+                apply = f"smad gap apply {shlex.quote(str(json_path))} --out {model}"
+            out.append((apply, "write the better model"))
+        verify = f"smad gap verify NEW-RUNS --model {model}{mapping}"
         out.append((verify, "try it on runs it has not seen"))
     return out

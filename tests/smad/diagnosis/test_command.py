@@ -92,6 +92,33 @@ def test_next_prints_what_is_confused_and_each_experiment_that_parts_it_the_best
         assert line == f"  d² {9.0 - k:>7.1f}    60 s  title {k}:  smad gap next --run n{k}"
 
 
+def test_an_answer_whose_page_cannot_be_written_is_printed_and_its_other_files_are_written(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    verdict = Verdict(question="differs", outcome="causes", headline="it lacks", models=["a", "b"])
+    monkeypatch.setattr(DIAGNOSED, lambda *asked, **options: Answer(verdict=verdict))
+
+    def no_room(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("smad.report.page.write_whole", no_room)
+    run, page, json_path, model = (tmp_path / n for n in ("a.mcap", "v.html", "v.json", "m.toml"))
+    run.touch()
+    files = ["--report", str(page), "--json", str(json_path), "--apply", str(model)]
+    result = call("diagnose", str(run), *files)
+    assert isinstance(result.exception, SmadError)
+    assert "the report cannot be written: No space left" in str(result.exception)
+    assert result.stdout.startswith("it lacks\n")
+    assert json_path.read_bytes() == verdict.to_json()
+    assert model.read_text() == "b"
+    assert f"written: {model}" in result.stderr
+    assert str(page) not in result.stderr
+
+
+def test_a_usage_error_of_a_check_up_names_the_help_of_its_command() -> None:
+    assert "Usage: gap checkup " in call("checkup", "--good", ".").output
+
+
 def test_next_says_so_where_nothing_is_confused(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -191,7 +218,8 @@ def test_diagnose_says_the_answer_and_writes_verdict_page_and_model(
     assert verdict.whole is not None
     assert verdict.whole.final < 0.5 * verdict.whole.raw
     assert f"{verdict.whole.raw:.3g}" in said.stdout
-    assert "smad gap verify NEW-RUNS --model better.toml" in said.stdout
+    assert f"smad gap verify NEW-RUNS --model {folder / 'all.toml'}" in said.stdout
+    assert "write the better model" not in said.stdout
     answer, gap = verdict.headline[1:].split("; ")
     page = (folder / "v.html").read_text()
     assert answer in page

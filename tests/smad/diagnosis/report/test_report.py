@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -12,7 +13,7 @@ import pytest
 from smad.diagnosis import Answer, diagnose
 from smad.diagnosis.report.figures import Course
 from smad.diagnosis.report.page import page_of
-from smad.diagnosis.report.words import advice, lines
+from smad.diagnosis.report.words import advice, lines, verified_lines, verified_records
 from smad.diagnosis.rivals.describe import alike
 from smad.diagnosis.verdict import (
     CAUSES,
@@ -288,6 +289,22 @@ def test_what_to_do_next_goes_with_the_outcome() -> None:
     commands_of_table = [c for c, _ in of_table]
     assert commands_of_table[0] == "smad gap next t.csv --map m.toml"
     assert commands_of_table[-1].endswith("--model better.toml --map m.toml")
+
+
+def test_what_to_do_next_begins_with_the_files_that_are_written() -> None:
+    v = verdict(CAUSES, models=["a", "b"])
+    with_json = advice(v, "r.mcap", json_path=Path("my gap.json"))
+    assert with_json[0][0] == "smad gap apply 'my gap.json' --out better.toml"
+    (with_model,) = advice(v, "r.mcap", Path("gap.json"), Path("mine.toml"))
+    assert with_model[0] == "smad gap verify NEW-RUNS --model mine.toml"
+    page = page_of(Answer(verdict=v), "r.mcap", files=(Path("gap.json"), None))
+    assert "smad gap apply gap.json --out better.toml" in render(page)
+
+
+def test_verify_says_units_as_an_answer_does() -> None:
+    degrees = msgspec.structs.replace(SIGNAL, unit="degC")
+    assert "°C " in verified_lines([degrees])[1]
+    assert verified_records([degrees])[0]["unit"] == "degC"
 
 
 @pytest.fixture(scope="module")
