@@ -18,6 +18,7 @@ from smad.diagnosis.plant import Array, ModelPoint, SavesModel, Uncertainty
 from smad.diagnosis.rivals.describe import (
     effect_values,
     law_terms,
+    part_words,
     rival_words,
     where_words,
 )
@@ -196,13 +197,15 @@ def _by_run(question: Question, *stages: Rival) -> list[RunGap]:
     ]
 
 
-def _table(question: Question, precision: Precision, rivals: Sequence[Rival]) -> list[RivalGap]:
-    """The likeliest rivals, and those without a part whatever their probability.
+def _table(
+    question: Question, precision: Precision, rivals: Sequence[Rival], named: Sequence[str] = ()
+) -> list[RivalGap]:
+    """The likeliest rivals, and those `named` or without a part whatever their probability.
 
-    Those that are equally likely, as far as it is shown, by what they leave.
+    Those whose probability is shown as 0 are ordered by what they leave.
     """
     plant = question.model.plant
-    listed = [r for k, r in enumerate(rivals) if k < _ROWS or not r.has_part]
+    listed = [r for k, r in enumerate(rivals) if k < _ROWS or not r.has_part or r.name in named]
     counts = question.judged.counts.sum(axis=0)
     titles = {e.name: e.title for e in question.effects}
     return [
@@ -221,8 +224,13 @@ def _table(question: Question, precision: Precision, rivals: Sequence[Rival]) ->
                 if counts[i] > 0
             },
         )
-        for r in sorted(listed, key=lambda r: (-round(r.probability, 2), question.gap(r)))
+        for r in sorted(listed, key=lambda r: (-r.probability * _shown(r), question.gap(r)))
     ]
+
+
+def _shown(rival: Rival) -> bool:
+    """Whether its probability has a digit that a table shows."""
+    return round(rival.probability, 2) > 0.0
 
 
 def _values(precision: Precision, rival: Rival) -> list[EffectValue]:
@@ -260,6 +268,8 @@ def _cause(
     names = {n: p / in_library for n, p in sorted(named.items(), key=lambda item: -item[1])}
     stayed = step.entered is not None and part.name == step.entered.name
     place = _place_of(part.places, laws if stayed else ())
+    credible = credible_set(names, level)
+    beside = next((r.fit.model.parts[:-1] for r in of_parts if r.fit is not None), ())
     played = question.evidence.played if law else []
     trajectories = [plant.trajectory(fitted.point, p.run, fast=True) for p in played]
     return Cause(
@@ -270,15 +280,16 @@ def _cause(
         probability=places.get(place, 0.0),
         places=places,
         place_words={n: where_words(plant, n, BOTH) for n in places},
-        names={n: p for n, p in names.items() if p >= _LEAST_NAMED},
+        names={n: p for n, p in names.items() if p >= _LEAST_NAMED or n in credible},
         outside=1.0 - in_library / total,
-        credible_names=credible_set(names, level),
+        credible_names=credible,
         credible_places=credible_set(places, level),
         values=effect_values(effect, x, sd) if effect else [],
         terms=law_terms(plant, law, x, sd, trajectories) if law else [],
         unit=next((p.unit for p in plant.places if p.name == place), ""),
         gap=gap,
-        rivals=_table(question, precision, step.rivals),
+        rivals=_table(question, precision, step.rivals, [part.name, *credible]),
+        beside=[part_words(plant, p) for p in beside],
     )
 
 

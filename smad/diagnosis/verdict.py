@@ -37,13 +37,29 @@ def labelled(words: str, unit: str) -> str:
     return f"{words}, {in_words(unit)}".removesuffix(", ")
 
 
+def with_sd(value: float, sd: float, sign: str = "") -> str:
+    """A value and its standard deviation, both to the decimal of the deviation's first digit.
+
+    Very large or small ones share an exponent: (5.50 ± 0.02)e-04. `sign` is that of a format.
+    """
+    if not 0.0 < sd < math.inf:
+        return f"{value:{sign}.4g} ± {sd:.1g}"
+    first_digit, size = _exponent(sd), max(abs(value), sd)
+    exponent = 0 if -first_digit <= _MOST_DECIMALS and size < _LARGE else _exponent(size, 2)
+    value, sd = value / 10.0**exponent, sd / 10.0**exponent
+    decimals = max(0, exponent - first_digit)
+    text = f"{value:{sign}z.{decimals}f} ± {sd:.{decimals}f}"
+    return f"({text})e{exponent:+03d}" if exponent else text
+
+
+def _exponent(value: float, decimals: int = 0) -> int:
+    """The power of ten of a value's first digit, once it is rounded to so many more digits."""
+    return int(f"{value:.{decimals}e}".partition("e")[2])
+
+
 def with_unit(value: float, sd: float, unit: str) -> str:
-    """A value with its standard deviation and unit, to the decimals that the deviation leaves."""
-    unit = f" {in_words(unit)}".rstrip()
-    decimals = max(0, -math.floor(math.log10(sd))) if 0.0 < sd < math.inf else _MOST_DECIMALS + 1
-    if decimals > _MOST_DECIMALS or abs(value) >= _LARGE:
-        return f"{value:.4g} ± {sd:.1g}{unit}"
-    return f"{value:.{decimals}f} ± {sd:.{decimals}f}{unit}"
+    """A value with its standard deviation and unit."""
+    return f"{with_sd(value, sd)} {in_words(unit)}".rstrip()
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -88,7 +104,7 @@ class LawTerm(msgspec.Struct, frozen=True, kw_only=True):
     def text(self) -> str:
         """What it goes with and how, as users read it."""
         slopes = ", ".join(
-            f"{'' if side == 'both' else side.upper() + ' '}{v:+.2g} ± {self.sd[side]:.1g}"
+            f"{'' if side == 'both' else side.upper() + ' '}{with_sd(v, self.sd[side], '+')}"
             for side, v in self.slopes.items()
         )
         return f"{self.words}: {slopes} {in_words(self.unit)}".rstrip()
@@ -136,7 +152,7 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     and `credible_places` are the fewest that together hold the level of the constants; `places` has
     the probabilities of all, `place_words` what they are. `terms`
     are a law's, `values` an effect's. `gap` is what the judged runs are left with by all causes up
-    to this one.
+    to this one. `beside` are the parts, in words, that every rival of the table has.
     """
 
     kind: str
@@ -155,6 +171,7 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     unit: str
     gap: float
     rivals: list[RivalGap]
+    beside: list[str] = []
 
     @property
     def title(self) -> str:
@@ -162,10 +179,16 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
         if self.kind != "effect":
             return "a law, no effect of the library fits"
         others = self.other_names
-        if len(others) > _NAMED:
+        if len(self.named) <= len(others):
             return f"{self.name} or one of {len(others)} others"
         value = "" if others or not self.values else f", {self.values[0].text}"
-        return " or ".join((self.name, *others)) + value
+        return " or ".join(self.named) + value
+
+    @property
+    def named(self) -> list[str]:
+        """The effects that a headline names: the one that was found, and others if they are few."""
+        others = self.other_names
+        return [self.name, *(others if len(others) <= _NAMED else ())] if self.name else []
 
     @property
     def other_names(self) -> list[str]:
@@ -190,6 +213,18 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
         Beside others it depends on where the middle of their states lies.
         """
         return self.terms[:-1] if len(self.terms) > 1 else self.terms
+
+    @property
+    def law_lines(self) -> list[str]:
+        """A law as users read it: its terms, the constant beside others without a value."""
+        constant = ["and a constant"] if len(self.terms) > len(self.read) else []
+        return [term.text for term in self.read] + constant
+
+    @property
+    def refitted(self) -> bool:
+        """Whether later fits moved its values from those that the table of rivals shows."""
+        row = self.rival
+        return row is None or [v.text for v in row.values] != [v.text for v in self.values]
 
 
 class ParameterMoved(msgspec.Struct, frozen=True, kw_only=True):
@@ -286,10 +321,17 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
         Raises PlantMismatch where the verdict has no model, or not as many causes.
         """
         if not self.models:
+            in_python = (
+                "only a plant class with save_model writes one (SavesModel in "
+                "smad.diagnosis.plant); or read answer.model, verdict.parameters and the values of "
+                "verdict.causes in Python"
+            )
             raise PlantMismatch(
                 "this verdict has no model to write",
                 value=f"{self.outcome}, plant {self.plant}",
-                action="correct what it refuses, or ask a plant that writes model files",
+                action="correct what it refuses, and ask again"
+                if self.outcome == REFUSED
+                else in_python,
             )
         most = len(self.models) - 1
         if first is not None and not 0 <= first <= most:

@@ -82,17 +82,30 @@ def _answer(v: Verdict) -> list[Block]:
         together = "Everything in a row and above it is fitted together with the parameters."
         out.append(Table(("floors left", "with"), rows, together, frozenset((0,))))
     for k, cause in enumerate(v.causes):
-        heading = rival_heading(v.causes[:k])
-        out += [rivals(cause.rivals, "" if k else caption, heading), _cause(cause)]
+        of_step = _moved_since(cause, last=cause is v.causes[-1])
+        words = " ".join(filter(None, ("" if k else caption, of_step)))
+        heading = rival_heading(cause)
+        out += [rivals(cause.rivals, words, heading, cause.named), _cause(cause)]
     if not v.causes and v.rivals:
         out.append(rivals(v.rivals, caption))
     return out + [Text(line, "note") for line in v.notes]
 
 
-def rivals(rows: Sequence[RivalGap], caption: str, heading: str = "rival") -> Table:
+def _moved_since(cause: Cause, *, last: bool) -> str:
+    """What fits after the step of a cause led to where its table of rivals shows something else."""
+    final = ["the values below"] if cause.values and cause.refitted else []
+    if last and cause.rival and f"{cause.rival.gap:.3g}" != f"{cause.gap:.3g}":
+        final.append(f"{cause.gap:.3g} floors")
+    led = "The table is of the step that compared these rivals; later fits led to"
+    return f"{led} {' and '.join(final)}." if final else ""
+
+
+def rivals(
+    rows: Sequence[RivalGap], caption: str, heading: str = "rival", named: Sequence[str] = ()
+) -> Table:
     """The table of rivals: what each leaves of the judged runs, its probability, and its values
     where one has any."""
-    first = first_rivals(rows)
+    first = first_rivals(rows, named)
     header = ["floors left", "probability", heading, "values"]
     columns = len(header) if any(r.values for r in first) else len(header) - 1
     table = []
@@ -104,8 +117,10 @@ def rivals(rows: Sequence[RivalGap], caption: str, heading: str = "rival") -> Ta
 
 
 def _cause(cause: Cause) -> Table:
-    """The law of a cause if it is one, and how sure its name and its place are."""
-    rows = [("" if k else "law", term.text) for k, term in enumerate(cause.read)]
+    """The final values of a cause, or its law, and how sure its name and its place are."""
+    values = [v.text for v in cause.values if cause.refitted]
+    rows = [("" if k else "values", text) for k, text in enumerate(values)]
+    rows += [("" if k else "law", text) for k, text in enumerate(cause.law_lines)]
     rows += [("name", name_words(cause)), ("place", place_words(cause))]
     return Table(("cause", f"{cause.name or 'a law'} at the {cause.words}"), rows)
 

@@ -61,8 +61,8 @@ def lines(verdict: Verdict) -> list[str]:
         return [*out, *v.notes, *facts]
     if steps := gap_by_cause(v):
         out += ["  floors left  with", *(f"  {gap:>11.3g}  {what}" for gap, what in steps)]
-    for k, cause in enumerate(v.causes):
-        out += cause_lines(cause, v.causes[:k])
+    for cause in v.causes:
+        out += cause_lines(cause)
     if not v.causes:
         out += rival_lines(v.rivals)
     if v.outcome in (PARAMETERS, UNEXPLAINED) or v.question == CHECK_UP:
@@ -115,23 +115,18 @@ def gap_by_cause(v: Verdict) -> list[tuple[float, str]]:
     return steps
 
 
-def rival_heading(before: Sequence[Cause]) -> str:
-    """The heading of a column of rivals that were fitted beside the causes `before`, if any."""
-    beside = " and ".join(cause.short for cause in before)
+def rival_heading(cause: Cause) -> str:
+    """The heading of the column of rivals of a cause: beside what they were fitted, if anything."""
+    beside = " and ".join(cause.beside)
     return f"rival, beside {beside}" if beside else "rival"
 
 
-def cause_lines(cause: Cause, before: Sequence[Cause]) -> list[str]:
-    """One cause: its table of rivals, its values or its law, and how sure name and place are.
-
-    `before` are the causes that were in the simulator when it was asked.
-    """
-    # Later steps refit the values that the table has.
-    refitted = cause.rival is None or cause.rival.values != cause.values
+def cause_lines(cause: Cause) -> list[str]:
+    """One cause: its table of rivals, its values or its law, and how sure name and place are."""
     return [
-        *rival_lines(cause.rivals, rival_heading(before)),
-        *_entry("values", [v.text for v in cause.values if refitted]),
-        *_entry("law", [t.text for t in cause.read]),
+        *rival_lines(cause.rivals, rival_heading(cause), cause.named),
+        *_entry("values", [v.text for v in cause.values if cause.refitted]),
+        *_entry("law", cause.law_lines),
         *_entry("alike", list(dict.fromkeys(t.alike for t in cause.read if t.alike))),
         *_entry("name", [name_words(cause)]),
         *_entry("place", [place_words(cause)]),
@@ -142,8 +137,9 @@ def name_words(cause: Cause) -> str:
     """Which effect it is if the library has it, and how likely the library does not."""
     if not cause.names:
         return "no effect of the library comes near"
-    named = [f"{n} {p:.2f}" for n, p in cause.names.items() if p >= _LIKELY]
-    likely = ", ".join(named[:_NAMES])
+    first = [n for n, p in cause.names.items() if p >= _LIKELY][:_NAMES]
+    shown = [n for n in cause.names if n in first or n in cause.named]
+    likely = ", ".join(f"{n} {cause.names[n]:.2f}" for n in shown)
     if cause.outside > 0.5:
         return f"not in the library: {cause.outside:.2f}; if it is there, {likely}"
     return f"{likely}, if it is in the library; not in the library: {cause.outside:.2f}"
@@ -155,7 +151,9 @@ def place_words(cause: Cause) -> str:
     return ", ".join(f"{cause.place_words.get(n, n)} {p:.2f}" for n, p in likely.items())
 
 
-def rival_lines(rivals: Sequence[RivalGap], heading: str = "rival") -> list[str]:
+def rival_lines(
+    rivals: Sequence[RivalGap], heading: str = "rival", named: Sequence[str] = ()
+) -> list[str]:
     """The table of rivals: what each leaves of the judged runs, and its probability."""
     if not rivals:
         return []
@@ -164,20 +162,21 @@ def rival_lines(rivals: Sequence[RivalGap], heading: str = "rival") -> list[str]
         *(
             f"  {r.gap:>11.3g}  {r.probability:>11.2f}  "
             + ", ".join((r.words, *(v.text for v in r.values)))
-            for r in first_rivals(rivals)
+            for r in first_rivals(rivals, named)
         ),
     ]
 
 
-def first_rivals(rivals: Sequence[RivalGap]) -> list[RivalGap]:
-    """The first rows of a table of rivals, and those without a part.
+def first_rivals(rivals: Sequence[RivalGap], named: Sequence[str]) -> list[RivalGap]:
+    """The first rows of a table of rivals, those `named` elsewhere, and those without a part.
 
     Unlikely ones that leave as much as a rival without a part say nothing.
     """
     without = [r for r in rivals if r.kind in ("nothing", "parameters")]
     most = _NO_BETTER * min((r.gap for r in without), default=math.inf)
     telling = [r for r in rivals if r not in without and (r.gap < most or r.probability >= _LIKELY)]
-    return [r for r in rivals if r in without or r in telling[:_RIVALS]]
+    shown = [*without, *telling[:_RIVALS], *(r for r in rivals if r.name in named)]
+    return [r for r in rivals if r in shown]
 
 
 def _entry(title: str, rows: Sequence[str]) -> list[str]:

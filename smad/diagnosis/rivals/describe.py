@@ -9,7 +9,7 @@ import numpy as np
 from sim_device.plant import Term
 from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides
 from smad.diagnosis.plant import Array
-from smad.diagnosis.rivals.parts import EffectPart, LawPart
+from smad.diagnosis.rivals.parts import EffectPart, LawPart, Part
 from smad.diagnosis.rivals.rival import Rival
 from smad.diagnosis.rivals.score import EFFECT, LAW, PARAMETERS
 from smad.diagnosis.verdict import EffectValue, LawTerm
@@ -24,13 +24,19 @@ def rival_words(plant: PlacesPlant, rival: Rival) -> str:
     if rival.kind == EFFECT:
         return rival.name
     if rival.kind == LAW:
-        side = parts[-1].candidate.side if isinstance(parts[-1], LawPart) else BOTH
-        return f"a law at the {where_words(plant, rival.places[0], side)}"
+        return part_words(plant, parts[-1])
     if rival.kind == PARAMETERS:
         return "parameters alone"
     if rival.fit is None:
         return "the simulator as configured"
     return "nothing more" if parts else "day-to-day variation alone"
+
+
+def part_words(plant: PlacesPlant, part: Part) -> str:
+    """An effect by its name, a law by its place."""
+    if isinstance(part, EffectPart):
+        return part.name
+    return f"a law at the {where_words(plant, part.candidate.place, part.candidate.side)}"
 
 
 def where_words(plant: PlacesPlant, name: str, side: str) -> str:

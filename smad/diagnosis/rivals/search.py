@@ -30,7 +30,7 @@ from smad.diagnosis.rivals.fit import (
     reference_at,
 )
 from smad.diagnosis.rivals.laws import selected_laws
-from smad.diagnosis.rivals.parts import EffectPart, Part
+from smad.diagnosis.rivals.parts import EffectPart, LawPart, Part
 from smad.diagnosis.rivals.rival import Question, Rival, cannot_replay
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
 from smad.diagnosis.rivals.screening import Screened, screened, started, worth_a_fit
@@ -260,7 +260,10 @@ class Searched:
             if best and ranked[0].name != name and question.gap(ranked[0]) < question.gap(current):
                 order = [*range(i), count - 1, *range(i, count - 1)]
                 current = replace(ranked[0], fit=best.of_parts(order))
-                self.steps[self._of_parts()[i]] = Step(rivals=tuple(ranked), entered=ranked[0])
+                # The rank of what it replaces is that of an effect; a law stays one in the table.
+                kind = LAW if isinstance(part, LawPart) else EFFECT
+                rivals = tuple(replace(r, kind=kind) if r.name == name else r for r in ranked)
+                self.steps[self._of_parts()[i]] = Step(rivals=rivals, entered=ranked[0])
         return current
 
     def _of_parts(self) -> list[int]:

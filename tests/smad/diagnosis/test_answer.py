@@ -5,11 +5,25 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
-from smad.diagnosis.answer import _outcome
-from smad.diagnosis.rivals.score import NOTHING
-from smad.diagnosis.verdict import QUIET, UNEXPLAINED
+from smad.diagnosis.answer import _outcome, _table, answer_of
+from smad.diagnosis.data.noise import estimate_floors
+from smad.diagnosis.places.bare import with_places
+from smad.diagnosis.plant import nominal_point
+from smad.diagnosis.report.words import lines
+from smad.diagnosis.rivals.evidence import recorded_evidence
+from smad.diagnosis.rivals.parts import EffectPart
+from smad.diagnosis.rivals.rival import Rival, question_of
+from smad.diagnosis.rivals.score import EFFECT, NOTHING
+from smad.diagnosis.rivals.search import _Search
+from smad.diagnosis.verdict import DIFFERS, QUIET, UNEXPLAINED
+from smad.progress import silent
+from tests.smad.diagnosis.cases import GAIN, OTHER, bank, strong
+from tests.smad.diagnosis.heater_plant import HeaterPlant
+
+PERIOD_S = 0.5
 
 
 @pytest.mark.parametrize(("left_by_days", "outcome"), [(0.9, QUIET), (1.7, UNEXPLAINED)])
@@ -23,3 +37,60 @@ def test_day_to_day_variation_is_no_unexplained_change(left_by_days: float, outc
         steps=[SimpleNamespace(rivals=[other_days])],
     )
     assert _outcome(cast(Any, search), []) == outcome
+
+
+def test_a_law_that_an_effect_replaces_stays_a_law_and_tables_say_what_they_are_beside() -> None:
+    plant = with_places(HeaterPlant())
+    coupling = next(e for e in plant.effects if e.name == "coupling")
+    runs = bank(OTHER, GAIN | {"coupling": strong(coupling)})
+    start, floors = nominal_point(plant), estimate_floors(runs, plant, PERIOD_S)
+    evidence = recorded_evidence(plant, runs, floors, PERIOD_S, start)
+    question = question_of(plant, start, evidence, effects=plant.effects, say=silent)
+    search = _Search.begun(question, exchange=False)
+    library = search.changes
+    # The effect becomes known once a law stands in its place.
+    for names in ((), ("coupling",)):
+        search.changes = tuple(c for c in library if c.effect.name in names)
+        search.step()
+    search.changes = library
+    search.final = search._exchanged(search.final)
+    search.nest()
+    verdict = answer_of(search, question=DIFFERS).verdict
+    gain, other = verdict.causes
+    assert (gain.name, other.name) == ("driver_gain", "coupling")
+    replaced = next(r for r in gain.rivals if r.kind == "law")
+    assert replaced.words == "a law at the reading of power_l_W"
+    assert list(gain.names) == ["driver_gain"]
+    assert gain.outside == pytest.approx(replaced.probability)
+    assert (gain.beside, other.beside) == (["coupling"], [replaced.words])
+    text = "\n".join(lines(verdict))
+    assert "law:" not in text
+    assert f"rival, beside {replaced.words}\n" in text
+
+
+def test_rivals_are_in_one_order_where_a_table_shows_them_equally_likely() -> None:
+    plant = HeaterPlant()
+
+    def rival(number: int, floors: float, probability: float) -> Rival:
+        part = EffectPart(plant.effects[number])
+        model = SimpleNamespace(parts=(part,), slices=(slice(0, part.size),))
+        return Rival(
+            kind=EFFECT,
+            name=part.name,
+            fit=cast(Any, SimpleNamespace(model=model, x=np.ones(part.size))),
+            squares=np.full((1, len(plant.channels)), floors**2),
+            scores=np.zeros(1),
+            probability=probability,
+        )
+
+    question = SimpleNamespace(
+        model=SimpleNamespace(plant=plant),
+        judged=SimpleNamespace(counts=np.ones((1, len(plant.channels)))),
+        effects=plant.effects,
+        gap=lambda r: float(np.sqrt(r.squares.mean())),
+    )
+    precision = SimpleNamespace(covariance=lambda fit: np.eye(len(fit.x)))
+    ranked = [rival(0, 2.0, 0.501), rival(1, 1.0, 0.4985), rival(2, 9.0, 4e-4), rival(3, 8.0, 1e-4)]
+    table = _table(cast(Any, question), cast(Any, precision), ranked)
+    # Of those that are shown as 0 what they leave says more.
+    assert [r.name for r in table] == [ranked[k].name for k in (0, 1, 3, 2)]

@@ -32,3 +32,9 @@ def test_a_verdict_without_a_model_writes_nothing_and_says_why(tmp_path: Path) -
     with pytest.raises(PlantMismatch, match="refused, plant heater"):
         bare.write_model(tmp_path / "m.toml")
     assert not (tmp_path / "m.toml").exists()
+
+
+def test_a_plant_class_that_writes_no_model_is_told_which_member_would(tmp_path: Path) -> None:
+    of_own_class = Verdict(question=DIFFERS, outcome=CAUSES, headline="", plant="dc motor")
+    with pytest.raises(PlantMismatch, match=r"causes, plant dc motor.*save_model.*answer\.model"):
+        of_own_class.write_model(tmp_path / "m.toml")

@@ -187,7 +187,7 @@ def test_the_headline_says_where_what_how_sure_and_how_far_the_gap_goes() -> Non
 
 
 def test_of_several_causes_a_table_says_what_each_leaves_and_beside_what_it_was_asked() -> None:
-    nearer = msgspec.structs.replace(LAW, gap=0.5)
+    nearer = msgspec.structs.replace(LAW, gap=0.5, beside=["lag"])
     several = verdict(CAUSES, causes=[EFFECT, nearer])
     text = "\n".join(lines(several))
     assert (
@@ -199,6 +199,38 @@ def test_of_several_causes_a_table_says_what_each_leaves_and_beside_what_it_was_
     ) in text
     assert "\n  floors left  probability  rival, beside lag\n" in text
     assert "  floors left  with" not in lines(verdict(CAUSES))
+
+
+def test_every_effect_that_a_headline_names_has_a_row_and_a_probability_of_its_name() -> None:
+    unlikely = rival("effect", "unlikely", 29.4, 0.04)
+    torn = msgspec.structs.replace(
+        EFFECT,
+        names={"lag": 0.95, "unlikely": 0.04},
+        credible_names=["lag", "unlikely"],
+        rivals=[*RIVALS[:-2], unlikely, *RIVALS[-2:]],
+    )
+    v = verdict(CAUSES, causes=[torn])
+    assert "lag or unlikely, probability" in v.headline
+    text = "\n".join(lines(v))
+    assert re.search(r"^ +29\.4 +0\.04  unlikely$", text, re.MULTILINE)
+    assert "name   lag 0.95, unlikely 0.04, if" in text
+    assert "unlikely" in render(page_of(Answer(verdict=v))).partition("Each rival, signal")[0]
+    several = msgspec.structs.replace(torn, credible_names=["lag", "a", "b", "c", "unlikely"])
+    assert several.named == ["lag"]
+
+
+def test_a_page_has_the_final_values_and_says_of_which_step_its_table_is() -> None:
+    final = msgspec.structs.replace(LAG, value=0.651)
+    moved = msgspec.structs.replace(EFFECT, values=[final], gap=0.8)
+    html = render(page_of(Answer(verdict=verdict(CAUSES, causes=[moved]))))
+    shown, folded, _ = html.partition("The gap by signal")
+    assert folded
+    for words in ("tau_s = 0.600 ± 0.004 s", "<td>values</td>", "tau_s = 0.651 ± 0.004 s"):
+        assert words in shown
+    assert "later fits led to the values below and 0.8 floors" in shown
+    as_in_table = render(page_of(Answer(verdict=verdict(CAUSES))))
+    assert "later fits" not in as_in_table
+    assert "<td>values</td>" not in as_in_table
 
 
 def test_a_law_says_which_states_the_runs_do_not_tell_apart() -> None:
@@ -228,9 +260,11 @@ def test_the_table_has_what_each_rival_leaves_beside_its_values() -> None:
 
 def test_a_law_is_said_by_its_slopes() -> None:
     text = "\n".join(lines(verdict(CAUSES, causes=[LAW])))
-    assert "velocity: X +0.2 ± 0.01, Y -0.1 ± 0.02 N/(m/s)" in text
+    assert "velocity: X +0.20 ± 0.01, Y -0.10 ± 0.02 N/(m/s)\n         and a constant\n" in text
     # Beside another term a constant depends on where the middle of its states lies.
     assert "always" not in text
+    alone = msgspec.structs.replace(LAW, terms=[ALWAYS])
+    assert alone.law_lines == ["always: +1.0 ± 0.1 N"]
     assert "no effect of the library comes near" in text
 
 
@@ -245,8 +279,14 @@ def test_a_signal_at_its_floor_is_only_counted() -> None:
     [
         (0.6, 0.004, "s", "0.600 ± 0.004 s"),
         (1234.5, 20.0, "N", "1234 ± 20 N"),
-        (9.5e9, 3e7, "Pa", "9.5e+09 ± 3e+07 Pa"),
-        (1.3e-7, 2e-9, "m3/s", "1.3e-07 ± 2e-09 m3/s"),
+        (9.5e9, 3e7, "Pa", "(9.50 ± 0.03)e+09 Pa"),
+        (1.3e-7, 2e-9, "m3/s", "(1.30 ± 0.02)e-07 m3/s"),
+        (0.0005503, 2e-6, "m", "(5.50 ± 0.02)e-04 m"),
+        (5.8e7, 9e4, "Pa", "(5.800 ± 0.009)e+07 Pa"),
+        (9.9999e7, 9e4, "Pa", "(1.0000 ± 0.0009)e+08 Pa"),
+        (3.0, 2e5, "", "(0 ± 2)e+05"),
+        (-1e-5, 2e-4, "1", "0.0000 ± 0.0002"),
+        (0.5, 0.0096, "s", "0.50 ± 0.01 s"),
         (0.2, 0.0, "1", "0.2 ± 0"),
         (25.0, np.inf, "degC", "25 ± inf °C"),
     ],
