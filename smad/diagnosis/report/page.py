@@ -27,7 +27,10 @@ _QUESTIONS = {
     CHECK_UP: "what has changed, with the same inputs",
 }
 _CHANGED = "what is new since the good runs"
-_FLOORS = {DIFFERS: "the noise of a reading", CHECK_UP: "the difference of two good days"}
+_FLOORS = {
+    DIFFERS: "the noise of a reading and 0.1 % of its range",
+    CHECK_UP: "the difference of two good days",
+}
 
 
 def page_of(

@@ -98,10 +98,14 @@ def test_an_answer_whose_page_cannot_be_written_is_printed_and_its_other_files_a
     verdict = Verdict(question="differs", outcome="causes", headline="it lacks", models=["a", "b"])
     monkeypatch.setattr(DIAGNOSED, lambda *asked, **options: Answer(verdict=verdict))
 
-    def no_room(*_: object) -> None:
-        raise OSError(28, "No space left on device")
+    write_text = Path.write_text
 
-    monkeypatch.setattr("smad.report.page.write_whole", no_room)
+    def no_room(path: Path, text: str, encoding: str) -> int:
+        if "v.html" in path.name:
+            raise OSError(28, "No space left on device")
+        return write_text(path, text, encoding)
+
+    monkeypatch.setattr(Path, "write_text", no_room)
     run, page, json_path, model = (tmp_path / n for n in ("a.mcap", "v.html", "v.json", "m.toml"))
     run.touch()
     files = ["--report", str(page), "--json", str(json_path), "--apply", str(model)]
