@@ -234,15 +234,9 @@ class Question:
         """Which rivals leave more than nothing new leaves, as long as another one does not.
 
         Where floors hold an error of form κ is too soft to refute a simulator by its score. Else a
-        part may be nearly right, and so may a simulator that a part has entered. Where all leave
-        more and the parameters are free, parts that lessen nothing are refuted.
+        part may be nearly right, and so may a simulator that a part has entered.
         """
-        gaps = [self.gap(r) for r in rivals]
-        above = [gap > self.quiet_gap for gap in gaps]
-        if all(above) and self.tied is None:
-            without = (gap for gap, r in zip(gaps, rivals, strict=True) if not r.has_part)
-            least = min(without, default=np.inf)
-            return [r.has_part and gap >= least for gap, r in zip(gaps, rivals, strict=True)]
+        above = [self.gap(r) > self.quiet_gap for r in rivals]
         if all(above) or self.form:
             return [False] * len(above)
         return [

@@ -177,14 +177,15 @@ class Searched:
     def _entering(self, ranked: Sequence[Rival]) -> Rival | None:
         """What enters: the likeliest that brings the judged runs nearer, if more is missing.
 
-        What enters beside another part, or a simulator that surely lacks something, lessens the
-        gap, too, and what does so is likelier than not. Such a simulator may lack several things,
-        between which likelihood is shared: there it is enough to be likelier than nothing more.
+        Nearer by its score: over all signals together the loudest one would decide. Beside a part,
+        where good runs say where the parameters are, it lessens the gap, too, and what does so is
+        likelier than not. A simulator that surely lacks something may lack several things, between
+        which likelihood is shared: there it is enough to be likelier than nothing more.
         """
         same, more = _same(ranked), [r for r in ranked if r.has_part]
         score, sure = self.final.scores.sum(), self.question.incomplete(same)
         nearer = [r for r in more if r.probability > 0.0 and r.scores.sum() > score]
-        if self.parts or sure:
+        if self.parts and self.question.tied is not None:
             gap = self.question.gap(self.final)
             more = nearer = [r for r in nearer if self.question.gap(r) < gap]
         missing = sum(r.probability for r in more) > _LIKELIER
