@@ -34,7 +34,7 @@ from smad.client import Client, Refused
 from smad.client.wire import Conversation, connect, new_identity
 from smad.control.commands import DriveCurrent
 from smad.report.page import Table
-from tools.tables import text_table
+from smad.report.tables import text_table
 
 GOAL_MS = 20.0
 IN_FLIGHT = 48

@@ -49,8 +49,8 @@ from smad.bridge.foxglove import LINK, LOG, SUBPROTOCOLS, rows_of
 from smad.client import Client
 from smad.control.commands import Sine
 from smad.report.page import Table
+from smad.report.tables import text_table
 from smad.style.strips import LAYOUT, XY_LAYOUT
-from tools.tables import text_table
 
 _SETTLE_S = 2.0
 _REFRESH_S = 1.2

@@ -28,7 +28,7 @@ from bench.browser import (
 from smad.client import Client
 from smad.control.commands import Sine
 from smad.report.page import Table
-from tools.tables import text_table
+from smad.report.tables import text_table
 
 _MOTION = Sine(amplitude_mm=2.0, period_s=7.0, cycles=10_000)
 _HEAD = ("board time, h", "frames drawn", "smad view, MiB", "page's objects, MiB", "elements")

@@ -23,7 +23,7 @@ from smad.api import TELEMETRY_TOPIC
 from smad.client import Client
 from smad.client.wire import subscribe, telemetry_of
 from smad.report.page import Table
-from tools.tables import text_table
+from smad.report.tables import text_table
 
 GOAL_MS = 100.0
 _DRIVING = (BoardState.ARMED, BoardState.HOLD)

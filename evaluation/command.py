@@ -156,7 +156,7 @@ def _mystery(options: argparse.Namespace) -> None:
 def _mysteries(options: argparse.Namespace) -> None:
     from evaluation.quiz import ends, session
     from evaluation.results.record import keep
-    from tools.tables import text_table
+    from smad.report.tables import text_table
 
     order = session.Order(options.minutes, options.quick, options.days)
     ends.run(options.seeds, options.folder, session.asked(options.folder, order, mystery.reveal))

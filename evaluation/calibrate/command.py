@@ -30,7 +30,7 @@ from evaluation.score.scores import (
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.rivals.score import NOTHING, PARAMETERS
 from smad.report.page import Table
-from tools.tables import text_table
+from smad.report.tables import text_table
 
 TITLE = "Constants by development banks, benches left out"
 SCORES, PLACES, NAMES = "Scores", "Probability of the likeliest place", "Probability of the name"

@@ -20,7 +20,7 @@ from evaluation.recovery.scores import tables
 from evaluation.results.record import keep
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.report.page import Table
-from tools.tables import text_table
+from smad.report.tables import text_table
 
 Work = Callable[[Case, int], Answer]
 

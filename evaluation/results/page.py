@@ -14,7 +14,7 @@ import msgspec
 
 from evaluation.results.record import FOLDER, Result, kept
 from smad.report.page import Table
-from tools.tables import markdown_table
+from smad.report.tables import markdown_table
 
 PAGE = Path(__file__).parent / "README.md"
 OPENINGS = FOLDER / "openings.jsonl"

@@ -11,7 +11,7 @@ from evaluation.score.answers import digest, read_pairs
 from evaluation.score.openings import SEALED, Ledger
 from evaluation.score.scores import scored, tables
 from smad.report.page import Table
-from tools.tables import text_table
+from smad.report.tables import text_table
 
 
 def run(

@@ -12,7 +12,7 @@ from campaign.command import execute
 from campaign.hostile import attacks
 from campaign.hostile.attacks import ATTACKS, Result, json_of, run_attacks, table_of
 from campaign.hostile.rig import Scale
-from tools.tables import text_table
+from smad.report.tables import text_table
 
 STOOD = Result(
     name="stranger's key",

@@ -17,7 +17,7 @@ from campaign.faults.report import (
     verdict,
 )
 from smad.report.page import render
-from tools.tables import text_table
+from smad.report.tables import text_table
 
 from .test_oracle import STOPPED, WENT_ON
 

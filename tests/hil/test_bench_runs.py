@@ -17,9 +17,9 @@ from smad.control.commands import Step
 from smad.control.metrics import tracking_r2
 from smad.demo import figures
 from smad.demo.job import run_cycle
+from smad.report.tables import text_table
 from smad.runlog.reader import read_run
 from tests.hil.conftest import EVERY_DEVICE, LEASE_S, PATIENCE_S, Hil, arm
-from tools.tables import text_table
 
 
 def missed_when_armed(client: Client) -> int:

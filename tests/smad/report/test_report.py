@@ -25,7 +25,7 @@ from smad.report.page import (
     write_page,
 )
 from smad.report.plots import decimated, draw, label, new_figure, picture, svg_of
-from tools.tables import markdown_table, text_table
+from smad.report.tables import markdown_table, text_table
 
 TABLE = Table(("name", "value"), (("a", "1.0"), ("long name", "12.5")), numeric=frozenset({1}))
 
