@@ -15,6 +15,7 @@ from itertools import chain
 
 import numpy as np
 
+from smad.diagnosis.constants import shipped
 from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.changes import Change, changes_at
@@ -41,6 +42,8 @@ _LAWS = 4
 """Places whose law is fitted."""
 _LIKELIER = 0.5
 """Probability that something is missing, from which on it is: more likely than not."""
+_INCREDIBLE = 1.0 - shipped().credible_level
+"""Probability of a rival up to which a credible set may do without it."""
 _POLISHED, _WITHIN = 3, 60.0
 """Fits that go on to their end, and how much more than the best one they may leave to be worth it,
 in units of F."""
@@ -153,9 +156,10 @@ class Searched:
             ranked = question.ranked([*ended, *rivals[len(same) :]], by_rows=by_rows)
             entered = self._entering(ranked)
         if first and self.moved and entered is None:
-            # Fitted parameters are as likely as true ones; what shows nothing needs no others.
-            nothing = _same(ranked)[0].kind == NOTHING or question.near(self.configured)
-            self.moved = not nothing
+            # Fitted parameters are as likely as true ones: they are told where those configured are
+            # no longer credible.
+            credible = sum(r.probability for r in ranked if r.kind == NOTHING) > _INCREDIBLE
+            self.moved = not (credible or question.near(self.configured))
         if entered is not None:
             self.moved |= entered.kind == PARAMETERS
             effects = sorted((r for r in ranked if r.kind == EFFECT), key=question.log_weight)
