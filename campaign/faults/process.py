@@ -146,17 +146,19 @@ def _stop_against_arm(rig: FaultRig, client: Client) -> str:
                 # Armed at once it would rightly be armed before the stop comes.
                 refused.append("nothing was waiting")
                 continue
+            begun_s = time.monotonic()
             caller.send(Arm())
             time.sleep(_ARMING_S)
+            late = time.monotonic() - begun_s > 2.0 * _ARMING_S
             if client.disarm().armed:
                 return "a disarm was acknowledged while the bench was armed"
             acknowledged_us = rig.bench.now_us
             answer = caller.next_answer().refused
-            if answer != Reason.STOPPED:
+            if late or answer != Reason.STOPPED:
                 # A busy computer sent the stop late: the bench was armed first, and rightly so.
                 # What counts from here on is what follows that stop.
                 rig.onset_us = acknowledged_us
-            refused.append(answer or "armed before the stop")
+            refused.append("a stop sent late" if late else answer or "armed before the stop")
     finally:
         caller.close()
     if Reason.STOPPED in refused:
