@@ -71,8 +71,8 @@ def show_verdict(
 
     written, failed = files.write(answer, save_model, arguments, facts)
     # What a pipe or a terminal took is no file to read.
-    kept = (p if p in written and p.is_file() else None for p in (files.verdict, files.model))
-    print_verdict(answer.verdict, advice(answer.verdict, arguments, *kept) if arguments else ())
+    readable = (p if p in written and p.is_file() else None for p in (files.verdict, files.model))
+    print_verdict(answer.verdict, advice(answer.verdict, arguments, *readable) if arguments else ())
     for path in written:
         click.echo(f"written: {path}", err=True)
     for error in failed[1:]:

@@ -39,6 +39,8 @@ ROUNDED = 0.01
 """Of a sample: by how much lengths that are equal may differ through rounding."""
 _FEW = 0.005
 """Of the samples, that may be lost without a word in a run that can be used."""
+_SHOWN = 0.0005
+"""Of the samples: less would be printed as 0.0 %."""
 _NAMED = 4
 """Columns that a finding names."""
 
@@ -238,7 +240,7 @@ def _require_rows(run: GapRun, cut: GapRun, plant: PlantModel, period_s: float, 
     of_which = f" (of {listed(lacking, _NAMED)})" if lacking else ""
     shares = {"lost": lost, f"marked bad or no readings{of_which}": marked}
     said = [f"{share:.1%} of the samples are {how}" for how, share in shares.items()]
-    said = [text for text, share in zip(said, shares.values(), strict=True) if share > _FEW / 10]
+    said = [text for text, share in zip(said, shares.values(), strict=True) if share > _SHOWN]
     stepped = steps_in_gaps(run, plant.inputs).items()
     rows = int(run.duration_s / period_s)
     usable = binned(run, rows, plant, run.begins_s, period_s, partly=True).valid.any(axis=1)

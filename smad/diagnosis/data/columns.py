@@ -13,6 +13,7 @@ import numpy as np
 
 from smad.arrays import Array
 from smad.counted import counted
+from smad.diagnosis.data.rows import LOST
 from smad.diagnosis.plant import Channel, Signal
 from smad.diagnosis.runs import GapRun, bridged
 from smad.records.declared import Declared
@@ -116,7 +117,7 @@ def with_lost(run: GapRun) -> GapRun:
     more long steps than lost samples, and stays as it is.
     """
     steps = np.diff(run.t_s)
-    if not (steps > 1.5 * run.dt_s).any() or jitter(run.t_s) > EVEN:
+    if not (steps > LOST * run.dt_s).any() or jitter(run.t_s) > EVEN:
         return run
     place = np.r_[0, np.cumsum(np.maximum(np.rint(steps / run.dt_s), 1.0).astype(np.intp))]
     n = int(place[-1]) + 1

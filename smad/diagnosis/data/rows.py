@@ -23,7 +23,7 @@ _OTHER_INPUT = 0.25
 _NEARLY = 0.1
 MOSTLY = 0.8
 """Of its samples, that a row must have: with fewer its noise is more than 12 % larger."""
-_LOST = 1.5
+LOST = 1.5
 """Usual steps of a time, from which on samples between are lost."""
 
 
@@ -98,7 +98,7 @@ def steps_in_gaps(run: GapRun, inputs: Sequence[Signal]) -> dict[str, tuple[Inde
     is not known. What changes as it does beside the gap is no step.
     """
     index = np.flatnonzero(run.good)
-    gaps = np.flatnonzero(np.diff(run.t_s[index]) > _LOST * run.dt_s)
+    gaps = np.flatnonzero(np.diff(run.t_s[index]) > LOST * run.dt_s)
     begins, ends = index[gaps], index[gaps + 1]
     out = {}
     for signal in inputs:

@@ -42,8 +42,6 @@ _LAWS = 4
 """Places whose law is fitted."""
 _LIKELIER = 0.5
 """Probability that something is missing, from which on it is: more likely than not."""
-_INCREDIBLE = 1.0 - shipped().credible_level
-"""Probability of a rival up to which a credible set may do without it."""
 _POLISHED, _WITHIN = 3, 60.0
 """Fits that go on to their end, and how much more than the best one they may leave to be worth it,
 in units of F."""
@@ -158,7 +156,8 @@ class Searched:
         if first and self.moved and entered is None:
             # Fitted parameters are as likely as true ones: they are told where those configured are
             # no longer credible.
-            credible = sum(r.probability for r in ranked if r.kind == NOTHING) > _INCREDIBLE
+            configured = sum(r.probability for r in ranked if r.kind == NOTHING)
+            credible = configured > 1.0 - shipped().credible_level
             self.moved = not (credible or question.near(self.configured))
         if entered is not None:
             self.moved |= entered.kind == PARAMETERS
