@@ -17,8 +17,8 @@ MECHANICS: tuple[Effect, ...] = (
         title="the spring rubs in its tube",
         subsystem="mechanics",
         places=("force_cell_on_x", "force_cell_on_y"),
-        equation="|F_X − F_Y| ≤ (F_c + μ F) [1 + s exp(−|u̇|/v_s)], equal to it when moving;"
-        " F_r = a F_X + (1 − a) F_Y",
+        equation="sticks while |F_X − F_Y| ≤ (F_c + μ F) [1 + s exp(−|v|/v_s)], v the speed at"
+        " which the springs would move it, and slips to F_c + μ F; F_r = a F_X + (1 − a) F_Y",
         parameters=(
             EffectParameter(
                 name="coulomb_N",

@@ -200,21 +200,38 @@ def solve_resisted_pair(
 ) -> tuple[float, float, float]:
     """The pair where something resists its motion: stick if friction can hold it, else slide.
 
+    Friction holds more at rest than while a spring slides, so it slips in jumps. A jump is over
+    within the step, unless a drag makes it last: it ends where the friction of fast sliding holds
+    the pull. What holds at rest falls with the speed at which the springs would move the pair. So
+    slips do not depend on the length of steps.
+
     Returns (tension of X, of Y, displacement), tension -1 when it is not found.
     """
     x, y, g, p, e = state.x, state.y, state.shared, model.p, model.x
     rub = 0.0
-    hold = friction_at(g.tension, 0.0, e)
-    if hold > 0.0:
+    sliding = friction_at(g.tension, UNBOUNDED, e)
+    if sliding > 0.0:
         u = g.displacement
         F_x = solve_tension(p.delta_0 - u, x.tension, x, work.x, p, e)
         F_y = solve_tension(p.delta_0 + u, y.tension, y, work.y, p, model.y)
         if F_x < 0.0 or F_y < 0.0:
             return -1.0, 0.0, 0.0
         pull = F_x - F_y - e.pair_stiffness * u - work.between
+        stiffness = 1.0 / (work.x.deflection_by_F + stretch_of_tendon(F_x, e)[1])
+        stiffness += 1.0 / (work.y.deflection_by_F + stretch_of_tendon(F_y, e)[1])
+        drag = e.pair_drag * 0.5 * (x.filled + y.filled) + work.between_slope
+        lasts = drag > stiffness * dt
+        # With the displacement held the pull changes as fast as the springs would move the pair.
+        speed = abs(F_x - x.tension - F_y + y.tension) / (stiffness * dt)
+        hold = friction_at(g.tension, 0.0 if lasts else speed, e)
         if abs(pull) <= hold:
             return F_x, F_y, u
-        rub = friction_at(g.tension, g.speed, e)
+        if lasts:
+            rub = friction_at(g.tension, g.speed, e)
+        else:
+            # It broke loose within the step: what the pull has grown since then it keeps. Of
+            # several slips in a step the mean is left.
+            rub = sliding + min(abs(pull) - hold, 0.5 * (hold - sliding))
         if pull < 0.0:
             rub = -rub
     return solve_sliding_pair(rub, guess, state, work, model, dt)

@@ -188,6 +188,22 @@ def test_constant_friction_holds_the_pair_until_the_pull_exceeds_it():
     assert held["true_displacement_m"][-1] < free["true_displacement_m"][-1] - 1e-4
 
 
+def test_friction_that_holds_more_at_rest_slips_in_jumps_down_to_that_of_sliding():
+    t = np.arange(3000) * 0.01
+    i_A = np.column_stack([np.where(t > 0, 1.6, 0.0), 0 * t])
+    rubbing = {"coulomb_N": 0.1, "proportional": 0.0, "stribeck": 0.3, "velocity_m_s": 0.1}
+    inputs, effects = Inputs(t, i_A, 0 * i_A), {"tube_friction": rubbing}
+    out = simulate(P, inputs, effects=effects)
+    pull = out["spring_force_x_N"] - out["spring_force_y_N"]
+    slips = np.flatnonzero(np.diff(out["true_displacement_m"]) > 1e-9)
+    assert len(slips) > 5
+    np.testing.assert_allclose(pull[slips], 0.13, atol=2e-3)
+    np.testing.assert_allclose(pull[slips + 1], 0.1, atol=2e-3)
+    coarse = simulate(P, inputs, effects=effects, dt_s=0.01)
+    apart_m = np.abs(coarse["true_displacement_m"] - out["true_displacement_m"])
+    assert np.sqrt(np.mean(apart_m**2)) < 1e-5
+
+
 def test_proportional_friction_grows_with_the_tension():
     t = np.arange(3000) * 0.01
     i_A = np.column_stack([np.where(t > 0, 2.6, 0.0), 0 * t])

@@ -33,9 +33,10 @@ def floors() -> np.ndarray:
 def most_left(name: str, kind: str, rate_hz: float, **given: float) -> float:
     """The channel in which a run without noise and its exact replay differ most, in floors."""
     values = strong(EFFECTS[name]) | given
-    # Friction that falls with speed slips in jumps, and when it does hangs on the last digit: two
-    # runs of one bench differ by 7 to 26 floors of displacement then, however they are replayed.
-    values |= {"stribeck": 0.0} if "stribeck" in values else {}
+    if kind != "pulses" and "stribeck" in values:
+        # A slip reaches the level that ends the heating: whether a replay slips just before the
+        # heating ends hangs on less than a sample. Up to 7 floors of displacement.
+        values["stribeck"] = 0.0
     point = ModelPoint(nominal_point(PLANT).theta, {name: values})
     run = recorded(kind, PLANT, point, 5, noise=False, duration_s=DURATION_S, rate_hz=rate_hz)
     evidence = recorded_evidence(PLANT, [run], floors(), PERIOD_S, nominal_point(PLANT))
@@ -65,3 +66,15 @@ def test_so_does_a_run_with_an_effect_on_one_side(name: str, share: float) -> No
 @pytest.mark.parametrize("name", sorted(EFFECTS))
 def test_at_every_rate_and_in_every_kind_of_run(name: str, kind: str, rate_hz: float) -> None:
     assert most_left(name, kind, rate_hz) < 1.1
+
+
+@pytest.mark.parametrize("name", sorted(EFFECTS))
+def test_a_replay_does_not_hang_on_the_last_digit_of_a_parameter(name: str) -> None:
+    theta = nominal_point(PLANT).theta
+    q = next(q for q in PLANT.parameters if q.name == "ambient_temperature")
+    run = recorded("levels", PLANT, nominal_point(PLANT), 5, noise=False, duration_s=DURATION_S)
+    evidence = recorded_evidence(PLANT, [run], floors(), PERIOD_S, nominal_point(PLANT))
+    warmer = theta | {q.name: theta.get(q.name, q.nominal) + 1e-6 * q.prior_sd}
+    points = [ModelPoint(t, {name: strong(EFFECTS[name])}) for t in (theta, warmer)]
+    replays = [predictions(PLANT, p, evidence.played, exact=True) for p in points]
+    assert np.sqrt(evidence.variances(evidence.change(*replays)).max()) < 0.01
