@@ -33,9 +33,9 @@ _HEAD = """# Results of the evaluation
 
 Made by `python -m evaluation results` from `evaluation/results`, which also has the tables that
 are too long for a page. How the cases are made, what a floor is and what each row counts is in
-[the evaluation](../README.md). Every figure is of simulated benches: the independent plant's, but for
-control and a part of the development cases, which are of smad's own simulator. Each result is of
-the commit that it names; later code may score otherwise.
+[the evaluation](../README.md). Every figure is of simulated benches: the independent plant's, but
+for control and a part of the development cases, which are of smad's own simulator. Each result is
+of the commit that it names; later code may score otherwise.
 """
 _LOG = """
 ## Openings
