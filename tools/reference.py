@@ -104,11 +104,11 @@ _TRUST = {
     "parameters given a cause": (_LESS, "a cause reported where only parameters had changed"),
     "noticed near 1 floor": (_MORE, "an effect of about one floor noticed"),
     "noticed near 3 floors": (_MORE, "an effect of about three floors noticed"),
-    "place right first, listed": (_MORE, "effects in the library: the right place ranked first"),
-    "place right first, unlisted": (_MORE, "effects outside it: the right place ranked first"),
-    "right name told, of noticed listed": (_MORE, "effects in the library: the right name given"),
+    "place right first, listed": (_MORE, "noticed effects of the library: right place first"),
+    "place right first, unlisted": (_MORE, "noticed effects outside it: right place first"),
+    "right name told, of noticed listed": (_MORE, "noticed effects of the library: right name"),
     "right name, of names told": (_MORE, "names given that were right"),
-    "unlisted told by name": (_LESS, "effects outside the library given a name"),
+    "unlisted told by name": (_LESS, "noticed effects outside the library given a name"),
 }
 """Rows of the score table that the README shows: which way is better, and plain words."""
 

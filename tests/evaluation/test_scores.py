@@ -287,6 +287,13 @@ def test_an_opening_is_a_line_of_the_page(tmp_path: Path) -> None:
     )
 
 
+def test_the_page_shows_every_score_and_goal_of_the_sealed_banks() -> None:
+    page = rendered(kept())
+    for result in (r for r in kept() if "sealed" in r.title):
+        _, first = next(iter(result.tables.items()))
+        assert all(f"| {' | '.join(row)} |" in page for row in first.rows)
+
+
 def test_scores_are_kept_as_a_result(tmp_path: Path) -> None:
     run(
         *written(tmp_path, {"a": true("none")}, {"a": QUIET}), out=tmp_path / "kept.json", title="T"
