@@ -11,6 +11,7 @@ from pathlib import Path
 
 import msgspec
 
+from smad.diagnosis.constants import shipped
 from smad.diagnosis.errors import GapError, PlantMismatch
 from smad.diagnosis.runs import GapRun
 from smad.units import in_words
@@ -176,9 +177,12 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def title(self) -> str:
         """The cause in words, for a heading: the effect with its first value, or a law."""
+        others = self.other_names
+        if self.kind != "effect" and others:
+            few = " or ".join(others) if len(others) <= _NAMED else f"one of {len(others)} effects"
+            return f"a law or {few}"
         if self.kind != "effect":
             return "a law, no effect of the library fits"
-        others = self.other_names
         if len(self.named) <= len(others):
             return f"{self.name} or one of {len(others)} others"
         value = "" if others or not self.values else f", {self.values[0].text}"
@@ -192,8 +196,10 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def other_names(self) -> list[str]:
-        """The effects that are as credible as the one that was found; none of a law."""
-        return [n for n in self.credible_names if self.kind == "effect" and n != self.name]
+        """The effects that are as credible as what was found; none where a law alone is."""
+        if self.kind != "effect" and self.outside >= shipped().credible_level:
+            return []
+        return [n for n in self.credible_names if n != self.name]
 
     @property
     def short(self) -> str:

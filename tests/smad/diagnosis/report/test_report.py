@@ -173,6 +173,14 @@ def test_the_headline_says_where_what_how_sure_and_how_far_the_gap_goes() -> Non
         "something has changed at the reading of the rod: a law, no effect of the library fits, "
         "probability 0.60, and lag;"
     )
+    near = msgspec.structs.replace(LAW, credible_names=["lag"], outside=0.6)
+    assert ": a law or lag, probability 0.60 for the first; the gap" in (
+        verdict(CAUSES, causes=[near]).headline
+    )
+    far = msgspec.structs.replace(near, outside=0.95)
+    assert "a law, no effect of the library fits, probability 0.60;" in (
+        verdict(CAUSES, causes=[far]).headline
+    )
     assert ", probability 0.93, and a law at the reading of the rod, and lag; the gap" in (
         verdict(CAUSES, causes=[EFFECT, LAW, EFFECT]).headline
     )
