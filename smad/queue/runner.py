@@ -167,8 +167,8 @@ class Runner:
             return
         self._usage = self._usage + spent + Usage(seconds=passed_s)
         if now_s - self._written_s >= USAGE_EVERY_S:
-            usage, self._usage, self._written_s = self._usage, Usage(), now_s
-            self._store.change(lambda s: machine.used(s, usage))
+            self._store.change(lambda s: machine.used(s, self._usage))
+            self._usage, self._written_s = Usage(), now_s
 
     def _ended(self, status: int) -> None:
         assert self._process is not None
