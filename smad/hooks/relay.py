@@ -5,6 +5,7 @@ off by itself. It closes the relay once, when a person starts it, and never agai
 """
 
 import contextlib
+import os
 import signal
 import subprocess
 import time
@@ -135,15 +136,21 @@ class HoldingRelay:
             )
 
     def cut(self) -> None:
-        """End the command, killed if it does not end."""
+        """End the command and all that it began, such as what a shell runs; killed in the end."""
         if self._process is None:
             return
-        self._process.terminate()
         try:
-            self._process.wait(_END_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
+            self._signal(signal.SIGTERM)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(_END_S)
+        finally:
+            self._signal(signal.SIGKILL)
             self._process.wait()
+
+    def _signal(self, number: signal.Signals) -> None:
+        assert self._process is not None
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, number)
 
 
 def hold(relay: Relay, bench: str, say: Say) -> NoReturn:

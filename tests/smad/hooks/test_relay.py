@@ -110,6 +110,18 @@ def test_a_holding_command_runs_until_the_supply_is_cut(tmp_path: Path) -> None:
         HoldingRelay(["/no/such/program"]).renew()
 
 
+def test_the_supply_is_cut_with_all_that_the_holding_command_began() -> None:
+    relay = HoldingRelay(["sh", "-c", "sleep 1000; true"])
+    relay.renew()
+    assert relay._process is not None
+    shell = psutil.Process(relay._process.pid)
+    while not (held := shell.children()):
+        pass
+    relay.cut()
+    _, alive = psutil.wait_procs(held, timeout=120.0)
+    assert not [process for process in alive if process.status() != psutil.STATUS_ZOMBIE]
+
+
 _HOLDER = """
 import sys
 from smad.hooks.relay import HoldingRelay
