@@ -1,5 +1,6 @@
 """`smad arm`, `disarm`, `estop`, `clear`, `heat`, `current`, `pump`, `idle`."""
 
+import functools
 from collections.abc import Mapping
 
 import click
@@ -18,7 +19,7 @@ from smad.cli.options import (
     option,
     wait_option,
 )
-from smad.cli.output import client, wait_for_motion
+from smad.cli.output import carry_out, client
 from smad.cli.quantity import Quantity
 from smad.control.commands import DriveCurrent, HoldTemperature
 
@@ -157,10 +158,10 @@ def _begin(
     checked(command, typed)
     with client(bench) as bench_client:
         if isinstance(command, DriveCurrent):
-            bench_client.current(command)
+            begin = functools.partial(bench_client.current, command)
         else:
-            bench_client.heat(**asdict(command))
-        wait_for_motion(bench_client, wait=wait, what=what)
+            begin = functools.partial(bench_client.heat, **asdict(command))
+        carry_out(bench_client, begin, wait=wait, what=what)
 
 
 @click.command(cls=Command)

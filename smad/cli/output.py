@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 import click
@@ -55,19 +55,20 @@ def ready_client(bench: str, *, extra: str = "") -> Iterator[Client]:
         yield connected
 
 
-def wait_for_motion(bench_client: Client, *, wait: bool, what: str) -> None:
-    """Wait for a motion with a progress line; ctrl-C ends the motion, not only the waiting.
+def carry_out(bench_client: Client, begin: Callable[[], object], *, wait: bool, what: str) -> None:
+    """Begin a motion, and wait for its end with a progress line.
 
-    So does a terminal that is closed, and SIGTERM.
+    Ctrl-C, a terminal that is closed and SIGTERM end the motion, also while it is being sent.
     """
     from smad.client.signals import ended_by_signals
     from smad.view.terminal.status_lines import motion_words
 
-    if not wait:
-        click.echo(f"{what}: begun")
-        return
     with ended_by_signals():
         try:
+            begin()
+            if not wait:
+                click.echo(f"{what}: begun")
+                return
             with progress() as line:
                 motion = bench_client.wait_until_done(
                     lambda now: line.say(f"{what}: {motion_words(now)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,7 @@ from smad.cli.options import (
     option,
     wait_option,
 )
-from smad.cli.output import client, wait_for_motion
+from smad.cli.output import carry_out, client
 from smad.cli.quantity import Quantity, Whole
 from smad.counted import counted
 from smad.view.terminal.progress import progress
@@ -140,5 +141,5 @@ def six_axes(
 def _move(connected: Client, segment: str, course: Angles, *, wait: bool) -> None:
     from smad.robot.moving import move_segment
 
-    move_segment(connected, segment, course)
-    wait_for_motion(connected, wait=wait, what=segment)
+    begin = functools.partial(move_segment, connected, segment, course)
+    carry_out(connected, begin, wait=wait, what=segment)

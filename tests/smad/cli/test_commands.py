@@ -17,6 +17,7 @@ from sim_device.plant.laws import Law, Term
 from sim_device.plant.models import save_model
 from smad import api
 from smad.cli import COMMANDS, LazyGroup, execute, root
+from smad.client import Client
 from smad.config import Config
 from smad.processes.boards import build
 from smad.runlog.schema import Row
@@ -317,6 +318,23 @@ def test_a_motion_that_ends_early_fails_with_the_fault(
         MOTION, armed=False, done=False, mode="FAULT", fault=fault
     )
     assert "OVER_TEMPERATURE" in failed(capfd, "move", "step", "5")
+
+
+@pytest.mark.parametrize(
+    ("words", "method"), [("move step 5 --no-wait", "move"), ("heat x 50 --for 5", "heat")]
+)
+def test_ctrl_c_ends_a_motion_that_is_still_being_sent(
+    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, words: str, method: str
+) -> None:
+    send = getattr(Client, method)
+
+    def interrupted(*arguments: object, **how: object) -> None:
+        send(*arguments, **how)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Client, method, interrupted)
+    assert execute(words.split()) == 130
+    assert [request["method"] for request in daemon.asked] == [method, "idle"]
 
 
 def test_one_spring_is_heated_driven_or_cooled(daemon: FakeDaemon) -> None:
