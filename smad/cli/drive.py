@@ -1,6 +1,5 @@
 """`smad arm`, `disarm`, `estop`, `clear`, `heat`, `current`, `pump`, `idle`."""
 
-import functools
 from collections.abc import Mapping
 
 import click
@@ -158,10 +157,9 @@ def _begin(
     checked(command, typed)
     with client(bench) as bench_client:
         if isinstance(command, DriveCurrent):
-            begin = functools.partial(bench_client.current, command)
+            carry_out(bench_client, bench_client.current, command, wait=wait, what=what)
         else:
-            begin = functools.partial(bench_client.heat, **asdict(command))
-        carry_out(bench_client, begin, wait=wait, what=what)
+            carry_out(bench_client, bench_client.heat, wait=wait, what=what, **asdict(command))
 
 
 @click.command(cls=Command)

@@ -1,7 +1,6 @@
 """`smad move`: trajectories of the displacement loop, a command for each kind of piece."""
 
 import contextlib
-import functools
 import inspect
 from collections.abc import Mapping
 from pathlib import Path
@@ -162,9 +161,8 @@ def follow(
 
 def _send(trajectory: Trajectory, *, queue: bool, wait: bool, bench: str) -> None:
     with client(bench) as bench_client:
-        what = type(trajectory).__name__.lower()
-        begin = functools.partial(bench_client.move, trajectory, queue=queue)
-        carry_out(bench_client, begin, wait=wait and not queue, what=what)
+        wait, what = wait and not queue, type(trajectory).__name__.lower()
+        carry_out(bench_client, bench_client.move, trajectory, queue=queue, wait=wait, what=what)
 
 
 for _piece in PIECES:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -141,5 +140,4 @@ def six_axes(
 def _move(connected: Client, segment: str, course: Angles, *, wait: bool) -> None:
     from smad.robot.moving import move_segment
 
-    begin = functools.partial(move_segment, connected, segment, course)
-    carry_out(connected, begin, wait=wait, what=segment)
+    carry_out(connected, move_segment, connected, segment, course, wait=wait, what=segment)

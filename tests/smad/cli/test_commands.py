@@ -525,6 +525,9 @@ def test_negative_numbers_are_numbers_not_options(
     assert execute(["move", "step", "-1", "--no-wait"]) == 0
     assert daemon.asked[-1]["params"]["trajectories"][0]["displacement_mm"] == -1.0
     assert "-1 A: it has to be at least 0 A" in failed(capfd, "current", "x", "-1")
+    daemon.answers["params.set"] = api.Param(name="zero", value=-5, minimum=-9, maximum=9)
+    assert execute(["params", "set", "zero", "-5"]) == 0
+    assert daemon.asked[-1]["params"]["value"] == -5.0
 
 
 @pytest.mark.parametrize("seconds", ["nan", "-1", "inf"])
@@ -582,6 +585,7 @@ def test_without_a_daemon_logs_are_those_of_the_current_folder(
         (("record", "mark", "hi"), "Did you mean 'note'?"),
         (("current", "x", "2", "A"), "write a unit without a space, as in 5A"),
         (("move", "step", "5", "cm"), "write a unit without a space, as in 5cm"),
+        (("design", "--wire"), "See smad design --help."),
     ],
 )
 def test_a_near_miss_is_answered_with_what_was_meant(
