@@ -31,9 +31,10 @@ def arm(bench: str = axis_option) -> None:
 
     It stays armed after this command ends, without a lease, until a client disarms it.
     """
+    from smad.client.arming import arm_and_tell
+
     with client(bench, lasting=True) as bench_client:
-        bench_client.arm()
-    click.echo("armed: the bench heats when you command it; smad disarm ends this")
+        arm_and_tell(bench_client, click.echo)
 
 
 @click.command(cls=Command)

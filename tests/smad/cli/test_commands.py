@@ -1,5 +1,6 @@
 """What the commands print, and how they fail: one line, a status, never a traceback."""
 
+import errno
 import json
 import re
 import subprocess
@@ -318,6 +319,27 @@ def test_a_motion_that_ends_early_fails_with_the_fault(
         MOTION, armed=False, done=False, mode="FAULT", fault=fault
     )
     assert "OVER_TEMPERATURE" in failed(capfd, "move", "step", "5")
+
+
+@pytest.mark.parametrize("ended", [KeyboardInterrupt, OSError(errno.ENOSPC, "no room")])
+def test_an_arming_that_is_interrupted_or_cannot_be_told_is_taken_back(
+    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, ended: BaseException
+) -> None:
+    arm = Client.arm
+
+    def interrupted(client: Client) -> None:
+        arm(client)
+        raise ended
+
+    monkeypatch.setattr(Client, "arm", interrupted)
+    assert execute(["arm"]) != 0
+    assert [request["method"] for request in daemon.asked] == ["arm", "disarm"]
+
+
+def test_an_arming_that_is_refused_stops_nobody(daemon: FakeDaemon) -> None:
+    daemon.answers["arm"] = api.ErrorData(reason=api.Reason.ARMED, cause="the bench is armed")
+    assert execute(["arm"]) == 1
+    assert [request["method"] for request in daemon.asked] == ["arm"]
 
 
 @pytest.mark.parametrize(
