@@ -1,6 +1,7 @@
 """What the commands print, and how they fail: one line, a status, never a traceback."""
 
 import errno
+import io
 import json
 import re
 import subprocess
@@ -17,7 +18,7 @@ from sim_device.plant import Inputs, load_parameters, simulate
 from sim_device.plant.laws import Law, Term
 from sim_device.plant.models import save_model
 from smad import api
-from smad.cli import COMMANDS, LazyGroup, execute, root
+from smad.cli import COMMANDS, LazyGroup, execute, main, root
 from smad.client import Client
 from smad.config import Config
 from smad.processes.boards import build
@@ -111,6 +112,25 @@ def test_every_command_of_the_table_exists_and_has_help() -> None:
         command = root.get_command(None, name)  # type: ignore[arg-type]
         assert command is not None, name
         assert command.get_short_help_str(200), name
+
+
+def test_a_letter_that_the_terminal_lacks_ends_no_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    printed = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(printed, "latin-1"))
+    with pytest.raises(SystemExit) as ended:
+        main(["start", "--help"])
+    assert ended.value.code == 0
+    assert rb"/dev/serial/by-id/\u2026" in printed.getvalue()
+
+
+def test_no_colours_are_printed_where_none_are_wanted(
+    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    for wanted, escapes in (("", True), ("1", False)):
+        monkeypatch.setenv("NO_COLOR", wanted)
+        assert execute(["status"]) == 0
+        assert ("\x1b[" in capfd.readouterr().out) is escapes
 
 
 def test_status_is_quick_to_import() -> None:
