@@ -3,6 +3,7 @@
 import errno
 import io
 import json
+import os
 import re
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from sim_device.plant.models import save_model
 from smad import api
 from smad.cli import COMMANDS, LazyGroup, execute, main, root
 from smad.client import Client
+from smad.client.endpoints import new_key_file
 from smad.config import Config
 from smad.processes.boards import build
 from smad.runlog.schema import Row
@@ -427,6 +429,19 @@ def test_a_key_pair_is_for_its_owner_only_and_never_overwritten(
     public = path.read_text().split()[1]
     assert public in capfd.readouterr().out
     assert "never overwritten" in failed(capfd, "keys", str(path))
+
+
+def test_a_full_disk_leaves_no_key_file_without_keys(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Full(io.FileIO):
+        def write(self, data: object) -> int:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fdopen", lambda number, mode: Full(number, mode))
+    with pytest.raises(OSError, match="No space"):
+        new_key_file(tmp_path / "key")
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_default_configuration_passes_its_own_check(
