@@ -438,7 +438,7 @@ def test_a_full_disk_leaves_no_key_file_without_keys(
         def write(self, data: object) -> int:
             raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(os, "fdopen", lambda number, mode: Full(number, mode))
+    monkeypatch.setattr(os, "fdopen", Full)
     with pytest.raises(OSError, match="No space"):
         new_key_file(tmp_path / "key")
     assert not list(tmp_path.iterdir())

@@ -350,6 +350,18 @@ def test_on_a_full_disk_what_is_used_still_counts_for_the_budget(
     assert night.processes[0].asked == 1
 
 
+def test_a_runner_whose_queue_was_moved_away_ends_its_item_and_says_so(night: Night) -> None:
+    night.add()
+    night.arm()
+    night.tick()
+    (night.folder / FILE).rename(night.folder / "old.sqlite")
+    with pytest.raises(StoreError, match="was moved away or removed"):
+        night.runner.run(until_paused=True)
+    night.processes[0].status = 143
+    night.runner.close()
+    assert night.processes[0].asked == 1
+
+
 def cut_log(folder: Path) -> Path:
     path = folder / "20261125-220000-run.mcap"
     rows = [Row(t_s=0.01 * n, host_time_s=BEGAN_S + 0.01 * n) for n in range(3000)]
