@@ -1,5 +1,6 @@
 """What the commands print, and how they fail: one line, a status, never a traceback."""
 
+import asyncio
 import errno
 import io
 import json
@@ -22,6 +23,7 @@ from smad import api
 from smad.cli import COMMANDS, LazyGroup, execute, main, root
 from smad.client import Client
 from smad.client.endpoints import new_key_file
+from smad.client.following import Params, follow
 from smad.config import Config
 from smad.processes.boards import build
 from smad.runlog.schema import Row
@@ -240,6 +242,26 @@ def test_every_reading_of_a_lost_link_is_shown_with_its_age(age_s: float, shown:
     assert len(readings) == 4
     assert all(line.endswith(shown) and ("old" in line) == bool(shown) for line in readings)
     assert motion_words(motion).startswith(f"idle, board ARMED, at 1.25 mm{shown}")
+
+
+def test_who_follows_a_bench_of_one_axis_with_a_name_gets_it_by_that_name(
+    daemon: FakeDaemon,
+) -> None:
+    daemon.answers["config"] = api.ConfigText(toml="[[axes]]\nname = 'pitch'\n")
+    daemon.answers["params.list"] = api.ParamList(params=())
+    told: list[api.Status] = []
+
+    class Follower:
+        def on_config(self, config: Config) -> None: ...
+        def on_sample(self, axis: str, data: bytes) -> None: ...
+        def on_unreachable(self, why: str) -> None: ...
+        def on_status(self, status: api.Status, params: Params) -> None:
+            told.append(status)
+            raise KeyError
+
+    with pytest.raises(ExceptionGroup):
+        asyncio.run(follow("bench", Follower(), 0.0))
+    assert told[0].of("pitch").motion == MOTION
 
 
 def test_status_as_json_is_the_whole_status(
