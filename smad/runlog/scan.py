@@ -139,7 +139,7 @@ def _is_head(head: bytes, bytes_left: int) -> bool:
     if opcode == Opcode.DATA_END and length != _DATA_END_BYTES:
         return False
     known = 0 < opcode < _FIRST_UNKNOWN or opcode >= _FIRST_PRIVATE
-    return known and length <= bytes_left - RECORD_HEAD.size
+    return bool(known and length <= bytes_left - RECORD_HEAD.size)
 
 
 def _next_chunk(file: BinaryIO, begin: int, size: int) -> int | None:
