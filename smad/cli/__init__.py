@@ -17,6 +17,7 @@ from smad.errors import SmadError, reported, unusable_path
 from smad.extras import missing
 from smad.processes.oom import prefer_as_oom_victim
 from smad.processes.stops import KnownStops, taken_over
+from smad.processes.streams import prepare_streams
 from smad.units import is_unit
 from smad.version import VERSION
 
@@ -118,19 +119,9 @@ def root() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status."""
-    _open_closed_streams()
+    prepare_streams()
     status = execute(sys.argv[1:] if arguments is None else arguments)
     sys.exit(status)
-
-
-def _open_closed_streams() -> None:
-    """Let a standard stream that was closed go nowhere.
-
-    A file that is opened would get its number, and with it what libraries print.
-    """
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
 
 
 def execute(arguments: Sequence[str]) -> int:
@@ -150,7 +141,11 @@ def run_group(
     """Run one command of a group; return its exit status. Errors become one line."""
     try:
         result = group.main(
-            args=list(arguments), prog_name=program, standalone_mode=False, obj=known_stops
+            args=list(arguments),
+            prog_name=program,
+            standalone_mode=False,
+            obj=known_stops,
+            color=False if os.environ.get("NO_COLOR") else None,
         )
         if sys.stdout is not None:
             sys.stdout.flush()

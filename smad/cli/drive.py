@@ -18,7 +18,7 @@ from smad.cli.options import (
     option,
     wait_option,
 )
-from smad.cli.output import client, wait_for_motion
+from smad.cli.output import carry_out, client
 from smad.cli.quantity import Quantity
 from smad.control.commands import DriveCurrent, HoldTemperature
 
@@ -31,9 +31,10 @@ def arm(bench: str = axis_option) -> None:
 
     It stays armed after this command ends, without a lease, until a client disarms it.
     """
+    from smad.client.arming import arm_and_tell
+
     with client(bench, lasting=True) as bench_client:
-        bench_client.arm()
-    click.echo("armed: the bench heats when you command it; smad disarm ends this")
+        arm_and_tell(bench_client, click.echo)
 
 
 @click.command(cls=Command)
@@ -157,10 +158,9 @@ def _begin(
     checked(command, typed)
     with client(bench) as bench_client:
         if isinstance(command, DriveCurrent):
-            bench_client.current(command)
+            carry_out(bench_client, bench_client.current, command, wait=wait, what=what)
         else:
-            bench_client.heat(**asdict(command))
-        wait_for_motion(bench_client, wait=wait, what=what)
+            carry_out(bench_client, bench_client.heat, wait=wait, what=what, **asdict(command))
 
 
 @click.command(cls=Command)

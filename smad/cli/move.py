@@ -20,7 +20,7 @@ from smad.cli.options import (
     flag,
     wait_option,
 )
-from smad.cli.output import client, wait_for_motion
+from smad.cli.output import carry_out, client
 from smad.cli.quantity import Quantity, typed_units
 from smad.config.fields import bare, info_of
 from smad.control.commands import PIECES, Piece, Trajectory
@@ -161,9 +161,8 @@ def follow(
 
 def _send(trajectory: Trajectory, *, queue: bool, wait: bool, bench: str) -> None:
     with client(bench) as bench_client:
-        bench_client.move(trajectory, queue=queue)
-        what = type(trajectory).__name__.lower()
-        wait_for_motion(bench_client, wait=wait and not queue, what=what)
+        wait, what = wait and not queue, type(trajectory).__name__.lower()
+        carry_out(bench_client, bench_client.move, trajectory, queue=queue, wait=wait, what=what)
 
 
 for _piece in PIECES:

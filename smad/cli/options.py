@@ -119,11 +119,11 @@ class Command(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse, and raise the usage error of options that do not belong together."""
-        remaining = super().parse_args(ctx, args)
-        if self._require is not None and not ctx.resilient_parsing:
-            with augment_usage_errors(ctx):
+        with augment_usage_errors(ctx):
+            remaining = super().parse_args(ctx, args)
+            if self._require is not None and not ctx.resilient_parsing:
                 self._require(ctx.params)
-        return remaining
+            return remaining
 
     def invoke(self, ctx: click.Context) -> Any:
         """Call the function, once each file that it is to write can be.
@@ -141,7 +141,7 @@ class Command(click.Command):
             raise
 
     def _called(self, ctx: click.Context) -> Any:
-        _require_outputs(ctx)
+        require_outputs(ctx)
         assert self.callback is not None
         values = dict(ctx.params)
         for name, declared in _declared(self.callback):
@@ -184,8 +184,8 @@ OUTPUT = _Output(dir_okay=False, path_type=Path)
 write that is no recording."""
 
 
-def _require_outputs(context: click.Context) -> None:
-    """Raise unless each file that this command is to write can be, and is no other file of it.
+def require_outputs(context: click.Context, folder: Path = Path()) -> None:
+    """Raise unless each file that a command is to write can be, and is no other file of it.
 
     Raises a usage error for a file that the command reads, or writes a second time.
     """
@@ -197,7 +197,7 @@ def _require_outputs(context: click.Context) -> None:
     for parameter, path in files:
         if not isinstance(parameter.type, _Output):
             continue
-        require_writable(path)
+        require_writable(folder / path)
         for other, named in files:
             if other is not parameter and named.resolve() == path.resolve():
                 raise click.BadParameter(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -55,25 +55,26 @@ def ready_client(bench: str, *, extra: str = "") -> Iterator[Client]:
         yield connected
 
 
-def wait_for_motion(bench_client: Client, *, wait: bool, what: str) -> None:
-    """Wait for a motion with a progress line; ctrl-C ends the motion, not only the waiting.
+def carry_out(
+    client: Client, begin: Callable[..., Any], *given: Any, wait: bool, what: str, **named: Any
+) -> None:
+    """Begin a motion, and wait for its end with a progress line.
 
-    So does a terminal that is closed, and SIGTERM.
+    Ctrl-C, a closed terminal and SIGTERM end the motion, also while it is being sent.
     """
     from smad.client.signals import ended_by_signals
     from smad.view.terminal.status_lines import motion_words
 
-    if not wait:
-        click.echo(f"{what}: begun")
-        return
     with ended_by_signals():
         try:
+            begin(*given, **named)
+            if not wait:
+                click.echo(f"{what}: begun")
+                return
             with progress() as line:
-                motion = bench_client.wait_until_done(
-                    lambda now: line.say(f"{what}: {motion_words(now)}")
-                )
+                motion = client.wait_until_done(lambda m: line.say(f"{what}: {motion_words(m)}"))
         except (KeyboardInterrupt, SystemExit):
-            bench_client.idle()
+            client.idle()
             click.echo(f"{what}: interrupted; the bench is idle now and still armed", err=True)
             raise
     click.echo(f"{what}: done; {motion_words(motion)}")

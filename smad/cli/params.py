@@ -3,7 +3,7 @@
 import click
 
 from smad.cli import complete
-from smad.cli.options import Group, argument, axis_option
+from smad.cli.options import NEGATIVE, Group, argument, axis_option
 from smad.cli.output import client
 from smad.view.terminal.tables import print_columns
 
@@ -32,7 +32,7 @@ def get(name: str = argument(shell_complete=complete.parameters), bench: str = a
         click.echo(bench_client.get_param(name).in_words())
 
 
-@params.command("set")
+@params.command("set", context_settings=NEGATIVE)
 def set_command(
     name: str = argument(shell_complete=complete.parameters),
     value: float = argument(float),

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import click
 
 from firmware_protocol.nearest import instead
+from smad.cli.options import require_outputs
 from smad.errors import ComputerError, SmadError
 from smad.queue.admission import require_startable
 from smad.queue.errors import QueueError
@@ -99,6 +100,6 @@ def _checked(kind: str, words: Sequence[str], folder: Path) -> bool:
             action=f"give smad {' '.join(lead)} --help itself",
         )
     context = command.make_context(" ".join(["smad", *lead]), list(words[len(lead) :]))
-    params = context.params
-    require_startable(kind, params, folder)
-    return bool(params.get("sim"))
+    require_outputs(context, folder)
+    require_startable(kind, context.params, folder)
+    return bool(context.params.get("sim"))

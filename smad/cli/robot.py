@@ -19,7 +19,7 @@ from smad.cli.options import (
     option,
     wait_option,
 )
-from smad.cli.output import client, wait_for_motion
+from smad.cli.output import carry_out, client
 from smad.cli.quantity import Quantity, Whole
 from smad.counted import counted
 from smad.view.terminal.progress import progress
@@ -140,5 +140,4 @@ def six_axes(
 def _move(connected: Client, segment: str, course: Angles, *, wait: bool) -> None:
     from smad.robot.moving import move_segment
 
-    move_segment(connected, segment, course)
-    wait_for_motion(connected, wait=wait, what=segment)
+    carry_out(connected, move_segment, connected, segment, course, wait=wait, what=segment)

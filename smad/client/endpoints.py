@@ -136,14 +136,19 @@ def write_anew(path: Path, data: bytes, umask: int) -> None:
 def new_key_file(path: Path) -> tuple[bytes, bytes]:
     """Write a new pair of CURVE keys, (public, secret), that only its owner can read; return it.
 
-    Raises OSError, also where the name is taken, or is a link.
+    Raises OSError, also where the name is taken, or is a link. Of a full disk nothing is left.
     """
     import zmq
 
     public, secret = zmq.curve_keypair()
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-    with os.fdopen(os.open(path, flags, 0o600), "wb") as file:
-        file.write(b"public " + public + b"\nsecret " + secret + b"\n")
+    descriptor = os.open(path, flags, 0o600)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(b"public " + public + b"\nsecret " + secret + b"\n")
+    except OSError:
+        path.unlink()
+        raise
     return public, secret
 
 

@@ -6,14 +6,14 @@ sample by sample: the process wakes less often than samples come.
 
 import asyncio
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import count
 from typing import Protocol
 
 import msgspec
 import zmq
 
-from smad.api import AXIS_TOPICS, TELEMETRY_TOPIC, Status, topic_of
+from smad.api import AXIS_TOPICS, TELEMETRY_TOPIC, AxisStatus, Status, topic_of
 from smad.client import AsyncClient
 from smad.client.wire import subscribe
 from smad.config import Config
@@ -68,7 +68,7 @@ async def _connected(client: AsyncClient, follower: Follower, status_every_s: fl
         params: dict[str, Mapping[str, float]] = {}
         try:
             for number in count():
-                status = await client.status()
+                status = _by_name(await client.status(), axes)
                 if tuple(status.parts()) != axes:
                     # Another daemon answers at the same address: begin anew.
                     return
@@ -83,6 +83,14 @@ async def _connected(client: AsyncClient, follower: Follower, status_every_s: fl
             follower.on_unreachable(str(error))
         finally:
             draining.cancel()
+
+
+def _by_name(status: Status, axes: Sequence[str]) -> Status:
+    """Return the status with its axis by name, where a bench has one and that has a name."""
+    if status.axes or len(axes) != 1 or "" in axes:
+        return status
+    fields = {name: getattr(status, name) for name in AxisStatus.__struct_fields__}
+    return msgspec.structs.replace(status, axes={axes[0]: AxisStatus(**fields)})
 
 
 async def _drain(address: str, axes: tuple[str, ...], follower: Follower) -> None:

@@ -223,6 +223,9 @@ class _Life:
             return_when=asyncio.FIRST_COMPLETED,
         )
         identified.cancel()
+        # Unread, what it was cancelled with would count as the death of a part.
+        with contextlib.suppress(asyncio.CancelledError):
+            await identified
         if self._signal.done() or daemon.failure.done():
             return
         silent = [axis for axis in axes if not axis.watch.identified.is_set()]

@@ -5,19 +5,23 @@ off by itself. It closes the relay once, when a person starts it, and never agai
 """
 
 import contextlib
+import math
+import os
 import signal
 import subprocess
 import time
 import urllib.parse
 import urllib.request
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NoReturn, Protocol
 
 import zmq
 
 from firmware_protocol.enums import BoardState
+from smad.api import topic_of
 from smad.client import Client
 from smad.client.wire import subscribe, telemetry_of
+from smad.config import parse_config
 from smad.errors import CommandError, SmadError, refused_by_system
 from smad.processes.parent import signal_at_parents_end
 from smad.progress import Say
@@ -50,20 +54,22 @@ class Relay(Protocol):
 class Heartbeat:
     """Says why the supply must be cut, if it must. Pure: times are arguments.
 
-    Each board has a heartbeat of its own: one that falls silent counts, whatever the others send.
+    Each board has a heartbeat of its own, under its topic: one that falls silent, or never sent,
+    counts, whatever the others send.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, topics: Collection[bytes]) -> None:
+        self._topics = topics
         self._last_s: dict[bytes, float] = {}
         """The last sample of each topic."""
         self._stopped_in: BoardState | None = None
 
     @property
     def began(self) -> bool:
-        """Whether any sample has come."""
-        return bool(self._last_s)
+        """Whether each board has sent a sample."""
+        return self._last_s.keys() >= set(self._topics)
 
-    def beat(self, now_s: float, mode: int | None, topic: bytes = b"") -> None:
+    def beat(self, now_s: float, mode: int | None, topic: bytes) -> None:
         """A sample came, with the state of the board."""
         self._last_s[topic] = now_s
         if mode in _CUT_IN:
@@ -72,12 +78,12 @@ class Heartbeat:
 
     def reason(self, now_s: float) -> str:
         """Return why the supply must be cut; empty while it may be on."""
-        if not self._last_s:
-            return "no sample has come from the daemon"
-        topic, last_s = min(self._last_s.items(), key=lambda item: item[1])
-        if now_s - last_s >= SILENT_S:
-            of_axis = f" of {topic.decode()}" * (len(self._last_s) > 1)
-            return f"no sample{of_axis} came from the daemon for {now_s - last_s:.1f} s"
+        topic = min(self._topics, key=lambda topic: self._last_s.get(topic, -math.inf))
+        silent_s = now_s - self._last_s.get(topic, -math.inf)
+        if silent_s >= SILENT_S:
+            of_axis = f" of {topic.decode()}" * (len(self._topics) > 1)
+            while_s = f" for {silent_s:.1f} s" * math.isfinite(silent_s)
+            return f"no sample{of_axis} came from the daemon{while_s}"
         if self._stopped_in is not None:
             return f"the board is in {self._stopped_in.name}"
         return ""
@@ -135,15 +141,21 @@ class HoldingRelay:
             )
 
     def cut(self) -> None:
-        """End the command, killed if it does not end."""
+        """End the command and all that it began, such as what a shell runs; killed in the end."""
         if self._process is None:
             return
-        self._process.terminate()
         try:
-            self._process.wait(_END_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
+            self._signal(signal.SIGTERM)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(_END_S)
+        finally:
+            self._signal(signal.SIGKILL)
             self._process.wait()
+
+    def _signal(self, number: signal.Signals) -> None:
+        assert self._process is not None
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, number)
 
 
 def hold(relay: Relay, bench: str, say: Say) -> NoReturn:
@@ -153,27 +165,34 @@ def hold(relay: Relay, bench: str, say: Say) -> NoReturn:
     """
     with Client(bench) as client:
         address = client.connection.telemetry
+        axes = parse_config(client.config()).by_axis()
+    heartbeat = Heartbeat([topic_of(axis).encode() for axis in axes])
     if not address:
         raise CommandError(
             "the daemon publishes no samples",
             value="telemetry.enabled = false",
             action="set it to true, and start the daemon again; the supply is off",
         )
+    reason = "this command was ended"
     try:
-        reason = _reason_to_cut(relay, address, say)
+        reason = _reason_to_cut(relay, address, heartbeat, say)
     finally:
-        relay.cut()
+        try:
+            relay.cut()
+        except RelayError as error:
+            if error.cause not in reason:
+                error.cause = f"the supply is to be off: {reason}; {error.cause}"
+            raise
     raise CommandError(
         f"the supply of the heaters was cut: {reason}",
         action="look at the bench, then give this command again",
     )
 
 
-def _reason_to_cut(relay: Relay, address: str, say: Say) -> str:
+def _reason_to_cut(relay: Relay, address: str, heartbeat: Heartbeat, say: Say) -> str:
     """Renew it for as long as it may be on; return why it may not."""
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     socket = subscribe(context, address, b"", 1000)
-    heartbeat = Heartbeat()
     began_s, renewed_s = time.monotonic(), 0.0
     try:
         while True:

@@ -110,6 +110,9 @@ class Watcher:
 
     def _opened(self) -> Store | None:
         assert self._folder is not None
+        if self._store is not None and not self._store.in_place:
+            self._store.close()
+            self._store, self._last_message = None, 0
         if self._store is None and (self._folder / FILE).exists():
             self._store = Store(self._folder / FILE)
             earlier = self._store.messages()

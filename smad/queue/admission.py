@@ -30,6 +30,8 @@ def require_startable(kind: str, params: Mapping[str, Any], start_folder: Path) 
         path = params.get(name)
         if isinstance(path, Path) and not (start_folder / path).exists():
             raise QueueError(f"{name} {path} is not there", action="nothing was begun; restore it")
+    if kind == "tune" and params["save"] and (start_folder / params["save"]).exists():
+        raise QueueError(f"{params['save']} is there already", action="name a new file for --save")
     baseline = params.get("folder" if kind == "checkup" else "baseline")
     if baseline is not None:
         require_baseline(start_folder / baseline)

@@ -79,8 +79,16 @@ class Runner:
             self._save_logs(interrupted)
 
     def run(self, *, until_paused: bool) -> None:
-        """Carry the queue out, for ever or until it pauses with nothing running."""
+        """Carry the queue out, for ever or until it pauses with nothing running.
+
+        Raises StoreError when somebody moved its file away: a new queue needs a new runner.
+        """
         while True:
+            if not self._store.in_place:
+                raise StoreError(
+                    f"the queue {self._store.path} was moved away or removed",
+                    action="start smad queue run again",
+                )
             self.tick()
             snapshot = self._store.snapshot()
             if until_paused and snapshot.mode == "paused" and snapshot.running is None:
@@ -105,9 +113,12 @@ class Runner:
             if self._store.snapshot().mode == "running" or self._process is not None:
                 self._act(self._store.change(lambda s: machine.paused(s, reason, end_item=True)))
         deadline_s = self._parts.clock_s() + KILL_AFTER_S + POLL_S
-        while self._process is not None and self._parts.clock_s() < deadline_s:
+        while (process := self._process) is not None and self._parts.clock_s() < deadline_s:
             self._end_process()
             self.tick()
+            if not self._store.in_place and process.poll() is not None:
+                # How it ended can be written nowhere.
+                return
             time.sleep(POLL_S)
 
     def _tick(self) -> None:
@@ -167,8 +178,8 @@ class Runner:
             return
         self._usage = self._usage + spent + Usage(seconds=passed_s)
         if now_s - self._written_s >= USAGE_EVERY_S:
-            usage, self._usage, self._written_s = self._usage, Usage(), now_s
-            self._store.change(lambda s: machine.used(s, usage))
+            self._store.change(lambda s: machine.used(s, self._usage))
+            self._usage, self._written_s = Usage(), now_s
 
     def _ended(self, status: int) -> None:
         assert self._process is not None

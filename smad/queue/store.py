@@ -73,6 +73,19 @@ class Store:
             self._db.execute("PRAGMA synchronous=EXTRA")
             self._db.execute("PRAGMA journal_mode=DELETE")
             self._prepare()
+        self._identity = self._file_identity()
+
+    @property
+    def in_place(self) -> bool:
+        """Whether the file that is open still has its name: nobody moved it away or removed it."""
+        return self._identity == self._file_identity()
+
+    def _file_identity(self) -> tuple[int, int] | None:
+        try:
+            status = self.path.stat()
+        except OSError:
+            return None
+        return status.st_dev, status.st_ino
 
     def close(self) -> None:
         """Close the file."""

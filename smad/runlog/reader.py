@@ -145,6 +145,8 @@ def read_run(path: str | Path, *, axis: str = "", progress: Share = no_progress)
     run = _read(Path(path), axis, progress)
     if axis and not run.header.axes and run.header.extra.get("axis") == axis:
         return _read(Path(path), "", progress)
+    if not axis and len(run.header.axes) == 1:
+        return _read(Path(path), run.header.axes[0], progress)
     if axis not in (run.header.axes or ("",)):
         raise RunLogError(
             f"{path} is the log of {'several axes' if run.header.axes else 'a bench of one axis'}",

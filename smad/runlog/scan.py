@@ -1,7 +1,8 @@
 """What an MCAP file holds, read from front to back, whatever has happened to its end.
 
 The summary at the end of a file is not used: a log that was cut has none. A damaged chunk is
-skipped and noted; a file that ends in mid-record is read up to there.
+skipped and noted, and so is what follows a damaged length, up to the next chunk; a file that ends
+in mid-record is read up to there.
 """
 
 import struct
@@ -25,6 +26,12 @@ _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _INDEX_ENTRY_BYTES = 16
 _LARGEST_CHUNK_BYTES = 256 * 2**20
+_COMPRESSION = struct.pack("<I", 4) + b"zstd"
+"""Stands in the head of every chunk that we write."""
+_BEFORE_COMPRESSION = RECORD_HEAD.size + _CHUNK_HEAD.size - 4
+_FIRST_UNKNOWN, _FIRST_PRIVATE = Opcode.DATA_END + 1, 0x80
+_DATA_END_BYTES = 4
+_BLOCK_BYTES = 2**20
 
 Parser = Callable[[ReadDataStream], Any]
 _PARSERS: dict[int, Parser] = {
@@ -63,7 +70,7 @@ class Damage:
     lost_messages: int = 0
     """Messages in damaged chunks, as far as the file's own index tells."""
     unread_bytes: int = 0
-    """Bytes at the end that belong to no whole record."""
+    """Bytes that belong to no whole record."""
 
 
 Item = Message | records.Channel | records.Metadata
@@ -76,15 +83,20 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
     """
     if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
         raise NotMcapError
-    offset = len(MCAP0_MAGIC)
+    offset = search_from = len(MCAP0_MAGIC)
     index_tells_loss = False
     while offset < size:
         head = file.read(RECORD_HEAD.size)
-        if len(head) < RECORD_HEAD.size:
-            break
+        if not _is_head(head, size - offset):
+            chunk = _next_chunk(file, search_from, size)
+            if chunk is None:
+                break
+            damage.unread_bytes += max(0, chunk - offset)
+            damage.notes.append(f"the file is damaged before byte {chunk}; it goes on from there")
+            file.seek(chunk)
+            offset = chunk
+            continue
         opcode, length = RECORD_HEAD.unpack(head)
-        if opcode == 0 or length > size - offset - RECORD_HEAD.size:
-            break
         body = file.read(length)
         if opcode == Opcode.DATA_END:
             damage.ended_in_order = True
@@ -94,8 +106,10 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
             return
         if opcode == Opcode.CHUNK:
             index_tells_loss = False
+            search_from = offset + 1
             try:
                 yield from records_in(chunk_data(body))
+                search_from = offset + RECORD_HEAD.size + length
             except DamagedError as error:
                 damage.notes.append(
                     f"the chunk at byte {offset} is damaged ({error}) and was skipped"
@@ -110,11 +124,40 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
             except DamagedError as error:
                 damage.notes.append(f"the record at byte {offset} is damaged ({error})")
         offset += RECORD_HEAD.size + length
-    damage.unread_bytes = size - offset
+    damage.unread_bytes += size - offset
     if damage.being_written:
         damage.notes.append("still being written; what is shown here is what it holds so far")
     else:
         damage.notes.append(f"the recording was cut off at byte {offset}")
+
+
+def _is_head(head: bytes, bytes_left: int) -> bool:
+    """Whether a record may begin so that has so many bytes up to the end of the file."""
+    if len(head) < RECORD_HEAD.size:
+        return False
+    opcode, length = RECORD_HEAD.unpack(head)
+    if opcode == Opcode.DATA_END and length != _DATA_END_BYTES:
+        return False
+    known = 0 < opcode < _FIRST_UNKNOWN or opcode >= _FIRST_PRIVATE
+    return bool(known and length <= bytes_left - RECORD_HEAD.size)
+
+
+def _next_chunk(file: BinaryIO, begin: int, size: int) -> int | None:
+    """Return where the first chunk of ours from `begin` on begins; None where there is none."""
+    at = begin + _BEFORE_COMPRESSION
+    while at < size:
+        file.seek(at)
+        block = file.read(_BLOCK_BYTES)
+        found = block.find(_COMPRESSION)
+        while found >= 0:
+            start = at + found - _BEFORE_COMPRESSION
+            file.seek(start)
+            head = file.read(RECORD_HEAD.size)
+            if head[:1] == bytes([Opcode.CHUNK]) and _is_head(head, size - start):
+                return start
+            found = block.find(_COMPRESSION, found + 1)
+        at += max(1, len(block) - len(_COMPRESSION) + 1)
+    return None
 
 
 class DamagedError(Exception):

@@ -1,6 +1,10 @@
 """What the commands print, and how they fail: one line, a status, never a traceback."""
 
+import asyncio
+import errno
+import io
 import json
+import os
 import re
 import subprocess
 import sys
@@ -16,7 +20,10 @@ from sim_device.plant import Inputs, load_parameters, simulate
 from sim_device.plant.laws import Law, Term
 from sim_device.plant.models import save_model
 from smad import api
-from smad.cli import COMMANDS, LazyGroup, execute, root
+from smad.cli import COMMANDS, LazyGroup, execute, main, root
+from smad.client import Client
+from smad.client.endpoints import new_key_file
+from smad.client.following import Params, follow
 from smad.config import Config
 from smad.processes.boards import build
 from smad.runlog.schema import Row
@@ -109,6 +116,25 @@ def test_every_command_of_the_table_exists_and_has_help() -> None:
         command = root.get_command(None, name)  # type: ignore[arg-type]
         assert command is not None, name
         assert command.get_short_help_str(200), name
+
+
+def test_a_letter_that_the_terminal_lacks_ends_no_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    printed = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(printed, "latin-1"))
+    with pytest.raises(SystemExit) as ended:
+        main(["start", "--help"])
+    assert ended.value.code == 0
+    assert rb"/dev/serial/by-id/\u2026" in printed.getvalue()
+
+
+def test_no_colours_are_printed_where_none_are_wanted(
+    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    for wanted, escapes in (("", True), ("1", False)):
+        monkeypatch.setenv("NO_COLOR", wanted)
+        assert execute(["status"]) == 0
+        assert ("\x1b[" in capfd.readouterr().out) is escapes
 
 
 def test_status_is_quick_to_import() -> None:
@@ -218,6 +244,26 @@ def test_every_reading_of_a_lost_link_is_shown_with_its_age(age_s: float, shown:
     assert motion_words(motion).startswith(f"idle, board ARMED, at 1.25 mm{shown}")
 
 
+def test_who_follows_a_bench_of_one_axis_with_a_name_gets_it_by_that_name(
+    daemon: FakeDaemon,
+) -> None:
+    daemon.answers["config"] = api.ConfigText(toml="[[axes]]\nname = 'pitch'\n")
+    daemon.answers["params.list"] = api.ParamList(params=())
+    told: list[api.Status] = []
+
+    class Follower:
+        def on_config(self, config: Config) -> None: ...
+        def on_sample(self, axis: str, data: bytes) -> None: ...
+        def on_unreachable(self, why: str) -> None: ...
+        def on_status(self, status: api.Status, params: Params) -> None:
+            told.append(status)
+            raise KeyError
+
+    with pytest.raises(ExceptionGroup):
+        asyncio.run(follow("bench", Follower(), 0.0))
+    assert told[0].of("pitch").motion == MOTION
+
+
 def test_status_as_json_is_the_whole_status(
     capfd: pytest.CaptureFixture[str], daemon: FakeDaemon
 ) -> None:
@@ -319,6 +365,44 @@ def test_a_motion_that_ends_early_fails_with_the_fault(
     assert "OVER_TEMPERATURE" in failed(capfd, "move", "step", "5")
 
 
+@pytest.mark.parametrize("ended", [KeyboardInterrupt, OSError(errno.ENOSPC, "no room")])
+def test_an_arming_that_is_interrupted_or_cannot_be_told_is_taken_back(
+    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, ended: BaseException
+) -> None:
+    arm = Client.arm
+
+    def interrupted(client: Client) -> None:
+        arm(client)
+        raise ended
+
+    monkeypatch.setattr(Client, "arm", interrupted)
+    assert execute(["arm"]) != 0
+    assert [request["method"] for request in daemon.asked] == ["arm", "disarm"]
+
+
+def test_an_arming_that_is_refused_stops_nobody(daemon: FakeDaemon) -> None:
+    daemon.answers["arm"] = api.ErrorData(reason=api.Reason.ARMED, cause="the bench is armed")
+    assert execute(["arm"]) == 1
+    assert [request["method"] for request in daemon.asked] == ["arm"]
+
+
+@pytest.mark.parametrize(
+    ("words", "method"), [("move step 5 --no-wait", "move"), ("heat x 50 --for 5", "heat")]
+)
+def test_ctrl_c_ends_a_motion_that_is_still_being_sent(
+    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, words: str, method: str
+) -> None:
+    send = getattr(Client, method)
+
+    def interrupted(*arguments: object, **how: object) -> None:
+        send(*arguments, **how)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Client, method, interrupted)
+    assert execute(words.split()) == 130
+    assert [request["method"] for request in daemon.asked] == [method, "idle"]
+
+
 def test_one_spring_is_heated_driven_or_cooled(daemon: FakeDaemon) -> None:
     assert execute(["heat", "y", "50", "--rate", "1", "--for", "5"]) == 0
     assert execute(["current", "x", "2", "--until", "45"]) == 0
@@ -367,6 +451,19 @@ def test_a_key_pair_is_for_its_owner_only_and_never_overwritten(
     public = path.read_text().split()[1]
     assert public in capfd.readouterr().out
     assert "never overwritten" in failed(capfd, "keys", str(path))
+
+
+def test_a_full_disk_leaves_no_key_file_without_keys(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Full(io.FileIO):
+        def write(self, data: object) -> int:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fdopen", Full)
+    with pytest.raises(OSError, match="No space"):
+        new_key_file(tmp_path / "key")
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_default_configuration_passes_its_own_check(
@@ -507,6 +604,9 @@ def test_negative_numbers_are_numbers_not_options(
     assert execute(["move", "step", "-1", "--no-wait"]) == 0
     assert daemon.asked[-1]["params"]["trajectories"][0]["displacement_mm"] == -1.0
     assert "-1 A: it has to be at least 0 A" in failed(capfd, "current", "x", "-1")
+    daemon.answers["params.set"] = api.Param(name="zero", value=-5, minimum=-9, maximum=9)
+    assert execute(["params", "set", "zero", "-5"]) == 0
+    assert daemon.asked[-1]["params"]["value"] == -5.0
 
 
 @pytest.mark.parametrize("seconds", ["nan", "-1", "inf"])
@@ -564,6 +664,7 @@ def test_without_a_daemon_logs_are_those_of_the_current_folder(
         (("record", "mark", "hi"), "Did you mean 'note'?"),
         (("current", "x", "2", "A"), "write a unit without a space, as in 5A"),
         (("move", "step", "5", "cm"), "write a unit without a space, as in 5cm"),
+        (("design", "--wire"), "See smad design --help."),
     ],
 )
 def test_a_near_miss_is_answered_with_what_was_meant(

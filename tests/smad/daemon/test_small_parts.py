@@ -4,6 +4,7 @@ import ast
 import asyncio
 import io
 import random
+import signal
 import socket
 from pathlib import Path
 
@@ -14,15 +15,18 @@ from firmware_protocol.events import HostEvent, TimeSynced
 from firmware_protocol.messages import NO_FIELD, Error
 from firmware_protocol.rates import USUAL_BAUDS, USUAL_RATES_HZ
 from smad import daemon
+from smad.config import Config, with_changes, without_realtime
 from smad.daemon.command.budget import TimeBudget
 from smad.daemon.command.lease import DeadMan, Lease
 from smad.daemon.errors import Refusal
 from smad.daemon.histogram import Histogram
 from smad.daemon.journal import Journal
-from smad.daemon.lifecycle import part_of
+from smad.daemon.lifecycle import part_of, run
+from smad.daemon.link.port import SocketTransport
 from smad.daemon.link.requests import refusal
 from smad.daemon.link.wirerate import check_rate, line_share
 from smad.daemon.notify import Notifier
+from smad.daemon.process import Options
 from smad.errors import ConfigError
 
 SECOND = 1_000_000
@@ -44,6 +48,22 @@ def test_every_event_of_a_session_is_taken_by_the_daemon() -> None:
     events = {e for e in HostEvent.__subclasses__() if e.__module__ == HostEvent.__module__}
     dropped = {event.__name__ for event in events - {TimeSynced}} - used
     assert not dropped, "give them a case in smad/daemon/link/watch.py"
+
+
+def test_ctrl_c_before_the_board_has_answered_is_no_death_of_a_part(tmp_path: Path) -> None:
+    ours, boards = socket.socketpair()
+
+    def opened() -> SocketTransport:
+        signal.raise_signal(signal.SIGINT)
+        return SocketTransport(ours)
+
+    config = with_changes(without_realtime(Config()), daemon={"ipc_dir": str(tmp_path / "d")})
+    ended = run(config, {"": opened}, Options())
+    boards.close()
+    assert (ended.status, ended.line) == (
+        0,
+        "ended by SIGINT: the board is not connected; its own watchdog ends heating",
+    )
 
 
 def _lease() -> Lease:

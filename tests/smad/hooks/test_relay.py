@@ -25,16 +25,16 @@ from smad.hooks.relay import (
 
 
 def test_the_supply_may_be_on_while_samples_come_and_falls_when_they_end() -> None:
-    heartbeat = Heartbeat()
-    assert "no sample has come" in heartbeat.reason(0.0)
+    heartbeat = Heartbeat([b"smad"])
+    assert heartbeat.reason(0.0) == "no sample came from the daemon"
     for n in range(100):
-        heartbeat.beat(0.01 * n, BoardState.ARMED)
+        heartbeat.beat(0.01 * n, BoardState.ARMED, b"smad")
         assert heartbeat.reason(0.01 * n + 0.5 * SILENT_S) == ""
     assert "for 1.0 s" in heartbeat.reason(0.99 + SILENT_S)
 
 
 def test_the_supply_falls_when_one_of_several_axes_falls_silent() -> None:
-    heartbeat = Heartbeat()
+    heartbeat = Heartbeat([b"axis/pitch", b"axis/yaw"])
     heartbeat.beat(0.0, BoardState.ARMED, b"axis/pitch")
     for n in range(200):
         heartbeat.beat(0.01 * n, BoardState.ARMED, b"axis/yaw")
@@ -42,12 +42,19 @@ def test_the_supply_falls_when_one_of_several_axes_falls_silent() -> None:
     assert "of axis/pitch" in heartbeat.reason(2.0)
 
 
+def test_the_supply_stays_off_while_one_of_several_axes_never_sent_a_sample() -> None:
+    heartbeat = Heartbeat([b"axis/pitch", b"axis/yaw"])
+    heartbeat.beat(0.0, BoardState.SAFE, b"axis/yaw")
+    assert not heartbeat.began
+    assert heartbeat.reason(0.1) == "no sample of axis/pitch came from the daemon"
+
+
 @pytest.mark.parametrize("state", [BoardState.FAULT, BoardState.ESTOP])
 def test_the_supply_falls_with_a_fault_and_an_emergency_stop(state: BoardState) -> None:
-    heartbeat = Heartbeat()
-    heartbeat.beat(0.0, BoardState.ARMED)
-    heartbeat.beat(0.01, state)
-    heartbeat.beat(0.011, BoardState.ARMED)
+    heartbeat = Heartbeat([b"smad"])
+    heartbeat.beat(0.0, BoardState.ARMED, b"smad")
+    heartbeat.beat(0.01, state, b"smad")
+    heartbeat.beat(0.011, BoardState.ARMED, b"smad")
     assert heartbeat.reason(0.01) == f"the board is in {state.name}"
 
 
@@ -108,6 +115,18 @@ def test_a_holding_command_runs_until_the_supply_is_cut(tmp_path: Path) -> None:
         relay.renew()
     with pytest.raises(RelayError, match="cannot start"):
         HoldingRelay(["/no/such/program"]).renew()
+
+
+def test_the_supply_is_cut_with_all_that_the_holding_command_began() -> None:
+    relay = HoldingRelay(["sh", "-c", "sleep 1000; true"])
+    relay.renew()
+    assert relay._process is not None
+    shell = psutil.Process(relay._process.pid)
+    while not (held := shell.children()):
+        pass
+    relay.cut()
+    _, alive = psutil.wait_procs(held, timeout=120.0)
+    assert not [process for process in alive if process.status() != psutil.STATUS_ZOMBIE]
 
 
 _HOLDER = """

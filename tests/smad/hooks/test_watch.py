@@ -54,6 +54,18 @@ def test_a_new_queue_in_the_place_of_the_old_one_is_told_from_its_beginning(
     watcher.close()
 
 
+def test_a_queue_that_is_begun_anew_while_it_is_watched_is_told_too(tmp_path: Path) -> None:
+    say(tmp_path, "of the old one")
+    watcher = Watcher(ABSENT, tmp_path)
+    watcher.known()
+    texts_of(watcher)
+    (tmp_path / FILE).rename(tmp_path / "old.sqlite")
+    assert watcher.look().snapshot is None
+    say(tmp_path, "of the new one")
+    assert texts_of(watcher) == ["of the new one"]
+    watcher.close()
+
+
 def test_a_watcher_that_ran_before_there_was_any_folder_lets_the_next_one_catch_up(
     tmp_path: Path,
 ) -> None:

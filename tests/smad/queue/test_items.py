@@ -94,6 +94,8 @@ def test_a_queued_tune_asks_nobody(folder: Path) -> None:
         (["add", "run", "endurance", "--cycles", "9", "--every", "3", "checkup"], "--baseline"),
         (["add", "move", "gone.toml"], "is not there"),
         (["add", "tune", "--repeat", "0"], "from 1 to 1000"),
+        (["add", "tune", "--save", "steps.toml"], "is there already"),
+        (["add", "run", "dsc", "--sim", "--report", "gone/x.html"], "there is no folder"),
         (["remove", "3"], "no such item"),
         (["move", "3", "1"], "no such item"),
         (["again", "3"], "no such item"),

@@ -330,6 +330,38 @@ def test_on_a_full_disk_the_end_of_the_arming_still_ends_the_item(
     assert night.processes[0].asked == 1
 
 
+def test_on_a_full_disk_what_is_used_still_counts_for_the_budget(
+    night: Night, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    night.add()
+    night.arm(budget=Budget(energy_J=1000.0))
+    night.tick()
+
+    def full(decide: Callable[[Snapshot], Change]) -> Change:
+        raise StoreError("database or disk is full")
+
+    monkeypatch.setattr(night.store, "change", full)
+    for _ in range(110):
+        assert night.processes[0].asked == 0
+        night.spent = Usage(energy_J=9.0)
+        night.tick(seconds=1.0)
+    night.spent = Usage(energy_J=20.0)
+    night.tick()
+    assert night.processes[0].asked == 1
+
+
+def test_a_runner_whose_queue_was_moved_away_ends_its_item_and_says_so(night: Night) -> None:
+    night.add()
+    night.arm()
+    night.tick()
+    (night.folder / FILE).rename(night.folder / "old.sqlite")
+    with pytest.raises(StoreError, match="was moved away or removed"):
+        night.runner.run(until_paused=True)
+    night.processes[0].status = 143
+    night.runner.close()
+    assert night.processes[0].asked == 1
+
+
 def cut_log(folder: Path) -> Path:
     path = folder / "20261125-220000-run.mcap"
     rows = [Row(t_s=0.01 * n, host_time_s=BEGAN_S + 0.01 * n) for n in range(3000)]

@@ -59,6 +59,12 @@ def test_an_axis_must_be_named_and_be_there(tmp_path: Path) -> None:
         read_run(tmp_path / "one.mcap", axis="yaw-1")
 
 
+def test_an_axis_that_is_alone_in_its_log_need_not_be_named(tmp_path: Path) -> None:
+    header = RunHeader(axes=("roll",), started_unix_s=BEGUN_S)
+    write_run(tmp_path / "roll.mcap", header, [(Row(t_s=0.0), "roll", BEGUN_S)])
+    assert len(read_run(tmp_path / "roll.mcap")) == 1
+
+
 def test_a_wide_table_holds_the_last_sample_of_each_axis_and_nothing_before_its_first(
     tmp_path: Path,
 ) -> None:

@@ -206,6 +206,22 @@ def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
         read_run(tmp_path)
 
 
+@pytest.mark.parametrize("before", [0, 300, -40])
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_a_sector_that_is_lost_costs_two_chunks_and_not_the_rest(
+    tmp_path: Path, number: int, before: int
+) -> None:
+    path = tmp_path / "damaged.mcap"
+    data = bytearray(whole_log())
+    at = chunks()[number][1] - before
+    data[at - 12 : at + 500] = bytes(k * 37 % 256 for k in range(512))
+    path.write_bytes(data)
+    whole = set(row_numbers(read_run(path).columns))
+    first = sum(count for *_, count in chunks()[:number])
+    lost = sum(count for *_, count in chunks()[number : number + 2])
+    assert whole >= set(range(ROWS)) - set(range(first, first + lost))
+
+
 @pytest.mark.parametrize("cut", [0.5, 0.9, 0.999])
 def test_a_recovered_log_is_whole_and_holds_what_was_readable(tmp_path: Path, cut: float) -> None:
     data = whole_log()
