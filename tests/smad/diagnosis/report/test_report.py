@@ -177,7 +177,7 @@ def test_the_headline_says_where_what_how_sure_and_how_far_the_gap_goes() -> Non
     assert ": a law or lag, probability 0.60 for the first; the gap" in (
         verdict(CAUSES, causes=[near]).headline
     )
-    far = msgspec.structs.replace(near, outside=0.95)
+    far = msgspec.structs.replace(near, outside=1.0)
     assert "a law, no effect of the library fits, probability 0.60;" in (
         verdict(CAUSES, causes=[far]).headline
     )
