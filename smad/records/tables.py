@@ -250,10 +250,13 @@ def require_rising(t_s: NDArray[np.float64], where: str, error: type[SmadError])
     back = np.flatnonzero(~(np.diff(t_s) > 0))
     if back.size or not np.isfinite(t_s).all():
         row = int(back[0]) + 1 if back.size else 0
+        again = row > 1 and t_s[row] <= t_s[0]
         raise error(
-            f"{where} does not increase at row {row + 1}",
+            f"{where} {'begins again' if again else 'does not increase'} at row {row + 1}",
             value=float(t_s[row]),
-            action="sort the rows, remove repeated ones, or leave the run out",
+            action="split it there: each run is a table of its own"
+            if again
+            else "sort the rows, remove repeated ones, or leave the run out",
         )
 
 

@@ -133,7 +133,7 @@ def _tables(run: Any, name: str, time: str, form: CsvFormat | None) -> Iterable[
             raise SimulatorError(f"no file is {str(run)!r}", action="correct the path or pattern")
         return [_of_file(Path(p), time, form) for p in paths]
     if hasattr(run, "keys"):
-        columns = {str(k): np.asarray(run[k]) for k in run} | _index_of(run)
+        columns = {str(k): _array(run[k]) for k in run} | _index_of(run)
         stamps = {n: _since_first(c) for n, c in columns.items() if c.dtype.kind in "mM"}
         time = time or ("" if _times(columns) else next(iter(stamps), ""))
         return [_timed(name, columns | stamps, name, time, {}, stamps=tuple(stamps))]
@@ -147,9 +147,15 @@ def _tables(run: Any, name: str, time: str, form: CsvFormat | None) -> Iterable[
 def _index_of(run: Any) -> dict[str, Any]:
     """The index of a data frame as a column, where it has a name or consists of stamps."""
     index = getattr(run, "index", None)
-    values = np.asarray(index)
+    values = _array(index)
     name = getattr(index, "name", None) or ("time" if values.dtype.kind in "mM" else "")
     return {str(name): values} if name else {}
+
+
+def _array(column: Any) -> Any:
+    """A column of a frame; stamps of a time zone, which numpy has none of, in universal time."""
+    zoned = getattr(getattr(column, "dtype", None), "tz", None) is not None
+    return np.asarray(column, dtype="datetime64[ns]" if zoned else None)
 
 
 def _since_first(stamps: Any) -> Array:
@@ -182,7 +188,8 @@ def _timed(
     """
     time = next(iter(_times(columns, called)), None)
     if time is None:
-        broken = next((unread[t] for t in _times(unread, called)), "")
+        dates = [n for n, why in unread.items() if "time_format" in why and not called]
+        broken = next((unread[t] for t in [*_times(unread, called), *dates]), "")
         raise SimulatorError(
             broken or f"{where} has no column of the time",
             value=None if broken else ", ".join(columns),

@@ -171,6 +171,13 @@ def _parameter(name: str, row: Sequence[float], units: Mapping[str, str]) -> Par
             action="give (value, low, high)",
         )
     prior = more[0] if more else _PRIOR_OF_RANGE * (high - low)
+    if not prior > 0.0:
+        raise SimulatorError(
+            f"parameter {name} has a prior that it cannot leave",
+            value=f"standard deviation {prior:g}",
+            limit="more than 0",
+            action="give a positive one; write what is known into the function",
+        )
     unit = units[name] if name in units else unit_of_value(name)
     return Parameter(name=name, unit=unit, nominal=value, low=low, high=high, prior_sd=prior)
 

@@ -78,15 +78,15 @@ def _off(
 ) -> float:
     """How far a reading is from its prediction in swing and level, in squares of what is usual.
 
-    `column` is in its place, without a misreading; at the resolution of the channel it cannot be
-    compared.
+    `column` is in its place, without a misreading. Range and quantum may be those of the record, so
+    that they become smaller with it.
     """
     recorded, m = run.outputs[channel.name][run.good], predicted[channel.name][run.good]
-    y, least = recorded if column is None else column[run.good], _SURE * channel.quantum
-    if _size(y) <= least < _size(recorded):
-        return _WORST
+    y = recorded if column is None else column[run.good]
+    share = min(np.ptp(y) / np.ptp(recorded), 1.0) if np.ptp(recorded) > 0.0 else 1.0
+    least = _SURE * channel.quantum * share
     swing = level = 0.0
-    if max(np.ptp(y), np.ptp(m)) > least_move(channel):
+    if max(np.ptp(y), np.ptp(m)) > least_move(channel) * share:
         related = np.ptp(y) > 0.0 < np.ptp(m) and np.corrcoef(y, m)[0, 1] > _RELATED
         swing = np.log(np.std(y) / np.std(m)) / _SWING if related else np.inf
     if channel.unit in units_for("K"):

@@ -332,6 +332,10 @@ def test_what_is_declared_of_a_signal_that_the_function_has_not_is_refused(given
             {"parameters": {"mass_m": (1.0, 0.5, 2.0)}},
             r"mass_m is a mass by its name.* of a length; got m; allowed: kg, g; name it mass_kg",
         ),
+        (
+            {"parameters": {"k": (1.0, 0.0, 2.0, 0.0)}},
+            "parameter k has a prior that it cannot leave",
+        ),
         ({"parameters": {}, "effects": {"valve_delay_mm": 1.0}}, "valve_delay_mm is a time by"),
     ],
 )
@@ -651,6 +655,45 @@ def test_a_transducer_of_no_size_changes_nothing_and_each_of_some_size_does(valu
         point = ModelPoint({}, {effect.name: {q.name: value}})
         moved = bound.plant.simulate(point, run)["temperature_degC"]
         assert np.array_equal(moved, base) == (value == 0.0), effect.name
+
+
+def test_a_column_of_dates_in_another_form_is_named_whatever_it_is_called(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    days = [f"01.05.2026 10:00:{k:02d};{k};{k}" for k in range(40)]
+    path.write_text("\n".join(["Datum;power_W;temperature_degC", *days]))
+    with pytest.raises(SimulatorError, match=r'column .Datum. .*time_format = "%d.%m.%Y %H:%M:%S"'):
+        bind(declared_heater(), path)
+    assert tables_of(path, form=csv_format({"time_format": "%d.%m.%Y %H:%M:%S"}))[0].t_s[-1] == 39.0
+
+
+def test_stamps_of_a_time_zone_are_a_time() -> None:
+    class Zoned:
+        """An index of pandas that has a time zone: numpy makes objects of it."""
+
+        name, dtype = None, type("Type", (), {"tz": "UTC"})
+
+        def __array__(self, dtype=None, copy=None):
+            return np.array("2026-05-01", "M8[ns]") + np.arange(600) * np.timedelta64(100, "ms")
+
+    class Frame(dict):
+        index = Zoned()
+
+    frame = Frame({n: c for n, c in RUNS[0].items() if n != "t_s"})
+    np.testing.assert_allclose(tables_of(frame)[0].t_s, RUNS[0]["t_s"])
+
+
+def test_runs_one_below_the_other_are_to_be_split() -> None:
+    twice = {n: np.tile(c, 2) for n, c in RUNS[0].items()}
+    with pytest.raises(SimulatorError, match=r"its time begins again at row 601; .*split it there"):
+        bind(declared_heater(), twice)
+
+
+def test_an_input_that_was_recorded_rows_late_is_named_as_a_negative_delay() -> None:
+    made = [heater_run(seed, tau=0.0) for seed in range(3)]
+    late = [run | {"power_W": np.roll(run["power_W"], 3)} for run in made]
+    (cause,) = diagnose(late, declared_heater(transducers=True)).verdict.causes
+    assert cause.name == "power_W_delay"
+    assert cause.values[0].value == pytest.approx(-0.3, abs=0.03)
 
 
 def in_units(run: Mapping[str, Array], names: Mapping[str, tuple[str, float, float]]):

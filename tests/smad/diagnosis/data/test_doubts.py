@@ -87,3 +87,27 @@ def test_exchanged_inputs_are_named() -> None:
 @pytest.mark.parametrize("gain", [0.5, 0.7, 1.0, 1.4, 2.0])
 def test_a_bench_that_is_not_its_model_is_not_doubted(gain: float) -> None:
     assert doubts(recorded(gain)) == []
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("mN", 1e3), ("lbf", 1 / 4.448), ("gf", 1e3 / 9.807)])
+def test_a_unit_is_named_where_quantum_and_range_are_those_of_the_record(
+    unit: str, factor: float
+) -> None:
+    run = recorded(1.4)
+    column = factor * np.round(run.outputs["force_N"], 2)
+    read = run.with_columns(None, {"force_N": column})
+    force = Channel(
+        name="force_N",
+        unit="N",
+        quantum=0.01 * factor,
+        low=-2.0 * column.max(),
+        high=2.0 * column.max(),
+        noise=0.01 * factor,
+    )
+
+    class OfTheRecord(Plates):
+        channels = (*Plates.channels[:2], force)
+
+    (said,) = doubted_columns(OfTheRecord(), read, nominal_replay(read, OfTheRecord()))
+    assert said.startswith("is force_N in ")
+    assert unit in said.partition("?")[0]
