@@ -19,6 +19,7 @@ from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import (
     CAUSES,
     CHANGED,
+    COLUMN_DOUBTED,
     DIFFERS,
     PAIRED,
     PARAMETERS,
@@ -83,7 +84,12 @@ def diagnose(
         else:
             search = differs(inquiry)
             answer = answer_of(search, question=DIFFERS)
+    headline = answer.verdict.headline
+    doubted = {f.run for f in findings if f.kind == COLUMN_DOUBTED}
+    if answer.verdict.causes and doubted.issuperset(run.name for run in roles[FIT]):
+        headline = f"a column may be misread; as it was read, {headline}"
     return answer.with_verdict(
+        headline=headline,
         findings=findings,
         runs=_records(groups),
         plant=plant.name,

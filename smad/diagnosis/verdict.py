@@ -23,6 +23,8 @@ OUTCOMES = (QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED)
 """Nothing beyond the floor; other values of the parameters explain it; causes are told; more than
 the parameters is missing, and no rival explains it; no verdict."""
 DIFFERS, CHANGED, CHECK_UP = "differs", "changed", "check-up"
+COLUMN_DOUBTED = "column doubted"
+"""Kind of the finding that a column looks misread."""
 MEASURED, PAIRED = "measured − predicted", "whitened now − then"
 """What gaps are of: runs by themselves, or runs that repeat good ones."""
 

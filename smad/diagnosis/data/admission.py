@@ -32,7 +32,7 @@ from smad.diagnosis.data.opinions import compare, used
 from smad.diagnosis.data.rows import MOSTLY, binned, steps_in_gaps
 from smad.diagnosis.plant import PlantModel, traits_of
 from smad.diagnosis.runs import GapRun, distinctly_named
-from smad.diagnosis.verdict import Finding
+from smad.diagnosis.verdict import COLUMN_DOUBTED, Finding
 from smad.records.readings import doubted_step
 
 ROUNDED = 0.01
@@ -182,7 +182,7 @@ def _admit_one(
         predicted = replayed(plant, run)
     compare(run, predicted, plant, period_s, say=say)
     for text in doubted_columns(plant, run, predicted):
-        say("column doubted", text)
+        say(COLUMN_DOUBTED, text)
     return run, findings
 
 

@@ -17,6 +17,7 @@ from smad.diagnosis.plant import Effect
 from smad.diagnosis.verdict import (
     CAUSES,
     CHECK_UP,
+    COLUMN_DOUBTED,
     DIFFERS,
     PAIRED,
     PARAMETERS,
@@ -86,7 +87,7 @@ def finding_lines(v: Verdict, *, doubtful: bool) -> list[str]:
             _, _, rest = f.text.partition(" ")
             alike = rest if doubtful else _NUMBER.sub("#", rest)
             groups.setdefault((f.kind, alike), []).append(f)
-    order = sorted(groups.values(), key=lambda f: (not f[0].refuses, f[0].kind != "column doubted"))
+    order = sorted(groups.values(), key=lambda f: (not f[0].refuses, f[0].kind != COLUMN_DOUBTED))
     return [_line(alike) for alike in order]
 
 

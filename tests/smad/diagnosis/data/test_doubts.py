@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from smad.diagnosis.data.doubts import doubted_columns
 from smad.diagnosis.plant import Array, Channel, ModelPoint, Signal, nominal_replay
 from smad.diagnosis.runs import GapRun
+from smad.simulators import diagnose, simulator
 
 N = 600
 
@@ -111,3 +113,26 @@ def test_a_unit_is_named_where_quantum_and_range_are_those_of_the_record(
     (said,) = doubted_columns(OfTheRecord(), read, nominal_replay(read, OfTheRecord()))
     assert said.startswith("is force_N in ")
     assert unit in said.partition("?")[0]
+
+
+def pulled(t: Array, inputs: Mapping[str, Array], values: Mapping[str, float], start: object) -> Any:
+    """A lagging force."""
+    force = np.zeros(len(t))
+    for k in range(1, len(t)):
+        asked = values["gain"] * inputs["a_W"][k]
+        force[k] = force[k - 1] + 0.05 * (asked - force[k - 1])
+    return {"force_N": force}
+
+
+def test_a_headline_of_runs_that_look_misread_begins_with_that() -> None:
+    plant = simulator(pulled, parameters={"gain": (1.0, 0.9, 1.1)})
+    t_s, tables = 0.1 * np.arange(N), []
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        power = np.repeat(rng.uniform(0.0, 50.0, N // 50), 50)
+        force = pulled(t_s, {"a_W": power}, {"gain": 1.0}, None)["force_N"]
+        in_kgf = force / 9.80665 + 0.003 * rng.standard_normal(N)
+        tables.append({"t_s": t_s, "a_W": power, "force_N": in_kgf})
+    verdict = diagnose(tables, plant).verdict
+    assert verdict.causes
+    assert verdict.headline.startswith("a column may be misread; as it was read, the simulator")
