@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -115,7 +114,9 @@ def test_a_unit_is_named_where_quantum_and_range_are_those_of_the_record(
     assert unit in said.partition("?")[0]
 
 
-def pulled(t: Array, inputs: Mapping[str, Array], values: Mapping[str, float], start: object) -> Any:
+def pulled(
+    t: Array, inputs: Mapping[str, Array], values: Mapping[str, float], start: object
+) -> dict[str, Array]:
     """A lagging force."""
     force = np.zeros(len(t))
     for k in range(1, len(t)):
