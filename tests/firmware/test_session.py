@@ -173,6 +173,29 @@ def test_estop_ends_everything_until_the_power_is_cycled(make: Make) -> None:
 
 
 def test_parameters_are_set_within_their_range_and_only_where_it_is_safe(make: Make) -> None:
+@pytest.mark.parametrize("cause", [ResetCause.WATCHDOG, ResetCause.PIN])
+def test_estop_outlives_a_reset_of_the_chip_and_not_a_power_cycle(
+    make: Make, cause: ResetCause
+) -> None:
+    loop = Loop(make()).armed()
+    loop.host.send_estop()
+    loop.until(lambda: loop.mode is BoardState.ESTOP, 10)
+    if cause is ResetCause.WATCHDOG:
+        loop.bench.hang(0.3)
+    else:
+        # As opening the port does.
+        loop.bench.reboot(cause)
+    begin = len(loop.states)
+    loop.until(lambda: loop.restarts and len(loop.of(Connected)) == 2, 200)
+    loop.step(10)
+    assert {state.mode for state in loop.states[begin:]} == {BoardState.ESTOP}
+    assert identity(loop).reset_cause is cause
+    assert loop.reports[-1].fault is Fault.ESTOP_PRESSED
+    restarted(loop)
+    assert loop.mode is BoardState.SAFE
+    assert identity(loop).reset_cause is ResetCause.POWER_ON
+
+
     loop = Loop(make()).connected()
     for row in PARAMETERS:
         value = loop.request(wire.ParamGet(0, row.number))
