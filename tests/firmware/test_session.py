@@ -17,6 +17,7 @@ from firmware_protocol.schema import decompress, describe, own_crc
 from firmware_protocol.wire import Direction
 from sim_device.board import CAPABILITIES
 from sim_device.faults import injection
+from sim_device.firmware import store
 from sim_device.firmware.bench import ChipBench, firmware_bench
 from tests.firmware.conftest import Make, MakeFirmware, needs
 from tests.sim_device.loop import Loop, hold
@@ -172,7 +173,6 @@ def test_estop_ends_everything_until_the_power_is_cycled(make: Make) -> None:
     assert identity(loop).boot_count == 2
 
 
-def test_parameters_are_set_within_their_range_and_only_where_it_is_safe(make: Make) -> None:
 @pytest.mark.parametrize("cause", [ResetCause.WATCHDOG, ResetCause.PIN])
 def test_estop_outlives_a_reset_of_the_chip_and_not_a_power_cycle(
     make: Make, cause: ResetCause
@@ -196,6 +196,7 @@ def test_estop_outlives_a_reset_of_the_chip_and_not_a_power_cycle(
     assert identity(loop).reset_cause is ResetCause.POWER_ON
 
 
+def test_parameters_are_set_within_their_range_and_only_where_it_is_safe(make: Make) -> None:
     loop = Loop(make()).connected()
     for row in PARAMETERS:
         value = loop.request(wire.ParamGet(0, row.number))
@@ -210,6 +211,8 @@ def test_estop_outlives_a_reset_of_the_chip_and_not_a_power_cycle(
     assert isinstance(too_much, wire.Error)
     assert too_much.limit == 4000
     assert error_of(loop.request(wire.ParamGet(0, 9))) is ErrorCode.UNKNOWN_PARAMETER
+    for row in (row for row in PARAMETERS if row.never_zero):
+        assert error_of(loop.request(wire.ParamSet(0, row.number, 0))) is ErrorCode.OUT_OF_RANGE
     changed = loop.request(wire.ParamSet(0, LIMIT, 900))
     assert isinstance(changed, wire.ParamValue)
     loop.request(wire.ParamSave())
@@ -291,6 +294,22 @@ def test_a_power_cut_in_the_middle_of_a_write_leaves_the_old_or_the_new(
     value = loop.request(wire.ParamGet(0, LIMIT))
     assert isinstance(value, wire.ParamValue)
     assert value.value in (900, 700)
+
+
+def test_a_damaged_mark_does_not_loosen_what_was_saved(
+    make_firmware: MakeFirmware, tmp_path: Path
+) -> None:
+    path = tmp_path / "store"
+    loop = Loop(make_firmware(store_path=path)).connected()
+    loop.request(wire.ParamSet(0, LIMIT, 900))
+    loop.request(wire.ParamSave())
+    content = bytearray(path.read_bytes())
+    content[store.SLOTS[0]] ^= 0x10
+    path.write_bytes(content)
+    restarted(loop)
+    value = loop.request(wire.ParamGet(0, LIMIT))
+    assert isinstance(value, wire.ParamValue)
+    assert value.value == 900
 
 
 def test_a_damaged_store_stops_the_board_until_it_is_mended(make: Make) -> None:
