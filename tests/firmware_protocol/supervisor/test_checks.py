@@ -404,6 +404,13 @@ def test_a_hot_spring_that_is_flushed_and_does_not_cool_is_a_fault() -> None:
 
     rig.spoil = stay_hot
     fault, _, took = trips(rig, 20.0)
+def test_an_end_of_the_fold_back_below_its_start_ends_the_current_there() -> None:
+    rig = Rig(tighten(compiled_limits(), {"fold_end_cC": 5000})).arm()
+    rig.setpoint_mA = (4000, 0)
+    stays(rig, 60.0)
+    assert 4900 < rig.m.rtd_cC[0] < 5200
+
+
     assert fault is Fault.NO_COOLING
     assert 11.9 < took < 14.1
 
