@@ -52,7 +52,7 @@ CASES = [
     ("parameters damaged", put("parameters_ok", 0), Fault.PARAM_CRC, 4, 0.01, 0.01),
     ("FET shorted", put("i_mA", 10_000, 0), Fault.OVER_CURRENT, 0, 0.02, 0.02),
     ("current on its own", put("i_mA", 700, 1), Fault.UNCOMMANDED_CURRENT, 1, 0.03, 0.06),
-    ("too much current", put("i_mA", 4700, 0), Fault.CURRENT_HIGH, 0, 0.06, 0.2),
+    ("too much current", put("i_mA", 4550, 0), Fault.CURRENT_HIGH, 0, 0.06, 0.2),
     ("too little current", put("i_mA", 3000, 0), Fault.CURRENT_LOW, 0, 0.06, 0.2),
     ("pump on its own", put("pump_rpm", 5000, 1), Fault.PUMP_STUCK_ON, 1, 1.0, 1.02),
     ("below its surroundings", put("rtd_cC", 2179, 1), Fault.SENSOR_IMPLAUSIBLE, 1, 0.03, 0.03),
