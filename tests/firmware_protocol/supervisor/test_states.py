@@ -83,6 +83,7 @@ def test_a_board_that_passes_its_self_test_is_safe_with_everything_off() -> None
     assert rig.state is BoardState.SAFE
     assert not rig.memory.gate
     assert rig.memory.duty == [0, 0]
+    assert rig.memory.warnings == 0
 
 
 def test_a_board_that_fails_its_self_test_is_in_fault() -> None:
@@ -140,6 +141,13 @@ def test_a_wrong_token_does_not_arm_and_spoils_the_right_one() -> None:
     outcome = rig.event(ArmConfirmed(GOOD_LINK, 6))
     assert outcome.code is ErrorCode.TOKEN_WRONG
     assert "6" in outcome.message
+    assert rig.event(ArmConfirmed(GOOD_LINK, 5)).code is ErrorCode.TOKEN_WRONG
+
+
+def test_a_request_that_is_refused_withdraws_the_token_before_it() -> None:
+    rig = ready()
+    rig.event(ArmRequested(GOOD_LINK, 5))
+    assert not rig.event(ArmRequested(Link(clock=False), 6)).accepted
     assert rig.event(ArmConfirmed(GOOD_LINK, 5)).code is ErrorCode.TOKEN_WRONG
 
 
@@ -283,7 +291,8 @@ def test_silence_leads_to_hold_then_to_fault_with_the_current_off_at_once() -> N
     fault = rig.supervisor.first_fault
     assert fault is not None
     assert fault.fault is Fault.SETPOINT_LOST
-    assert fault.measured > fault.limit
+    assert fault.measured > fault.limit == 600_000
+    assert fault.t_us == rig.now_us
     assert not rig.memory.gate
 
 
@@ -348,7 +357,7 @@ def test_disarming_cools_with_the_pumps_on_until_cold() -> None:
     assert rig.state is BoardState.COOL
     assert not rig.memory.gate
     assert rig.memory.duty == [255, 255]
-    rig.until(BoardState.SAFE)
+    assert rig.until(BoardState.SAFE) < 30.0
     assert rig.m.rtd_cC[0] < 4500
     assert rig.memory.duty == [0, 0]
 
