@@ -15,10 +15,12 @@ from firmware_protocol.generate.vectors import random_message
 from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import decompress, describe, own_crc
 from firmware_protocol.wire import Direction
+from sim_device.bench import SimulatedBench
 from sim_device.board import CAPABILITIES
 from sim_device.faults import injection
 from sim_device.firmware import store
 from sim_device.firmware.bench import ChipBench, firmware_bench
+from sim_device.firmware.build import SOURCES
 from tests.firmware.conftest import Make, MakeFirmware, needs
 from tests.sim_device.loop import Loop, hold
 
@@ -124,6 +126,83 @@ def test_arming_takes_the_right_token_once_and_the_parameters_as_they_are(make: 
     assert error_of(loop.request(wire.ArmRequest(0, crc))) is ErrorCode.WRONG_STATE
     loop.request(wire.Disarm(0))
     loop.until(lambda: loop.mode is BoardState.SAFE)
+
+
+def test_arming_is_refused_when_parameters_or_clock_changed_since_it_was_asked_for(
+    make: Make,
+) -> None:
+    loop = Loop(make()).connected()
+    crc = identity(loop).param_crc
+    token = loop.request(wire.ArmRequest(0, crc))
+    assert isinstance(token, wire.ArmToken)
+    loop.request(wire.ParamSet(0, LIMIT, 900))
+    confirm = wire.ArmConfirm(0, token.token)
+    assert error_of(loop.request(confirm)) is ErrorCode.PARAMETERS_DIFFER
+    loop.request(wire.ParamSet(0, LIMIT, 4000))
+    again = loop.request(wire.ArmRequest(0, crc))
+    assert isinstance(again, wire.ArmToken)
+    assert again.token != token.token
+    before = len(loop.states)
+    loop.bench.hang(0.03)
+    loop.until(lambda: len(loop.states) > before and loop.states[-1].warnings >> 5 & 1, 20)
+    late = loop.request(wire.ArmConfirm(0, again.token))
+    assert error_of(late) is ErrorCode.CLOCK_UNLOCKED
+
+
+@pytest.mark.parametrize("port", ["python", "host"])
+def test_setpoint_and_disarm_count_at_once_and_the_drains_close_with_the_gate(port: str) -> None:
+    needs("host")
+    bench = SimulatedBench() if port == "python" else firmware_bench("host")
+    loop = Loop(bench).armed()
+    board = bench.board
+    loop.step(2)
+    loop.host.send_setpoint(wire.Setpoint(0, loop.states[-1].t_us, (900, 0), (0, 0), 3, 100))
+    bench.receive(loop.host.data_to_send())
+    assert (board.outputs.applied_mA[0], board.drain) == (900, (True, True))
+    loop.host.request(wire.Disarm(0), bench.now_us)
+    bench.receive(loop.host.data_to_send())
+    assert board.outputs.gate == 0
+    loop.step()
+    assert board.drain == (False, False)
+    bench.close()
+
+
+@pytest.mark.parametrize("port", ["python", "host"])
+def test_the_32_bits_of_the_clock_may_wrap_while_it_heats(port: str) -> None:
+    needs("host")
+    options = {"clock_start_us": (1 << 32) - 2_000_000}
+    bench = SimulatedBench(**options) if port == "python" else firmware_bench("host", **options)
+    loop = Loop(bench).armed()
+    loop.answer = hold(1000)
+    loop.step(400)
+    assert loop.states[0].t_us > loop.states[-1].t_us
+    assert {state.mode for state in loop.states[-300:]} == {BoardState.ARMED}
+    assert loop.states[-1].i_applied_mA == (1000, 0)
+    loop.answer = lambda state: None
+    loop.until(lambda: loop.mode is BoardState.FAULT, 80)
+    bench.close()
+
+
+def test_a_tightened_age_refuses_setpoints_that_the_gate_of_the_session_lets_pass(
+    make: Make,
+) -> None:
+    loop = Loop(make()).connected()
+    number = next(row.number for row in PARAMETERS if row.name == "setpoint_age_us")
+    loop.request(wire.ParamSet(0, number, 20_000))
+    loop.request(wire.ParamSave())
+    loop.armed()
+    loop.step(2)
+    fresh = hold(500)
+    loop.answer = lambda state: fresh(loop.states[-4])
+    loop.step(8)
+    assert loop.states[-1].i_applied_mA == (0, 0)
+
+
+def test_nothing_but_a_sample_resets_the_watchdog() -> None:
+    core = "".join(path.read_text() for path in sorted((SOURCES / "core").glob("*.c")))
+    assert core.count("hal_watchdog_kick();") == 1
+    sample = core[core.index("static void take_sample(") : core.index("/* Commands of the host */")]
+    assert "hal_watchdog_kick();" in sample
 
 
 def test_every_request_of_the_table_is_carried_out_and_its_axis_is_looked_at(make: Make) -> None:
@@ -232,6 +311,9 @@ def test_saved_parameters_survive_a_power_cycle_and_others_do_not(make: Make) ->
     value = loop.request(wire.ParamGet(0, LIMIT))
     assert isinstance(value, wire.ParamValue)
     assert value.value == 900
+    loop.answer = hold(2000)
+    loop.armed().step(30)
+    assert loop.bench.board.outputs.applied_mA[0] == 900
 
 
 def test_a_save_that_meets_the_save_of_an_earlier_session_is_carried_out_after_it(
