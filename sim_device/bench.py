@@ -259,6 +259,7 @@ class SimulatedBench:
 
     def _power_up(self, cause: ResetCause, start_us: int) -> Board:
         self._boots += 1
+        reset = cause is not ResetCause.POWER_ON
         return self.board_type(
             fixture=self._fixture,
             rate_hz=self._rate_hz,
@@ -266,6 +267,7 @@ class SimulatedBench:
             image=self._image,
             boot_count=self._boots,
             cause=cause,
+            stopped=reset and self.board.state is BoardState.ESTOP,
             now_us=start_us,
             hardware=self.hardware,
             **self.make,

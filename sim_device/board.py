@@ -25,7 +25,7 @@ from firmware_protocol.enums import (
 )
 from firmware_protocol.events import BoardEvent
 from firmware_protocol.parameters import BY_NAME, DamagedImageError, ParameterStore
-from firmware_protocol.supervisor import Memory, Outcome, SelfTest, Supervisor
+from firmware_protocol.supervisor import Memory, Outcome, SelfTest, Stopped, Supervisor
 from firmware_protocol.supervisor.compiled import fastest_supervisor
 from firmware_protocol.supervisor.observers import is_believed
 from firmware_protocol.supervisor.supervisor import Event
@@ -85,8 +85,8 @@ class Board:
     """One board, from power-up to power-down. Power-cycling makes a new one.
 
     `image` is what the parameter memory holds (None: empty). If its checksum is wrong, the
-    compiled limits are used and the board goes to FAULT. `supervisor` decides (None: see
-    `fastest_supervisor`).
+    compiled limits are used and the board goes to FAULT. `stopped`: there was an ESTOP before this
+    reset. `supervisor` decides (None: see `fastest_supervisor`).
     """
 
     capabilities: ClassVar[Mapping[str, int]] = CAPABILITIES
@@ -100,6 +100,7 @@ class Board:
         image: bytes | None = None,
         boot_count: int = 1,
         cause: ResetCause = ResetCause.POWER_ON,
+        stopped: bool = False,
         now_us: int = 0,
         hardware: Hardware | None = None,
         supervisor: Supervisor | None = None,
@@ -155,6 +156,8 @@ class Board:
         self._stats_due_us = now_us + STATS_EVERY_US
         self._reported = 0
         self.apply_parameters()
+        if stopped:
+            self.supervisor.event(Stopped(), now_us)
         self.session.boot(now_us)
 
     @property

@@ -19,6 +19,7 @@
 const char hal_name[] = "smad-mega 1.0";
 
 static uint8_t reset_cause __attribute__((section(".noinit")));
+static uint32_t stop_mark __attribute__((section(".noinit")));
 
 /* Before anything else: after a watchdog reset the watchdog stays armed at its shortest time. */
 void early(void) __attribute__((naked, used, section(".init3")));
@@ -204,18 +205,33 @@ void hal_watchdog_kick(void)
     wdt_reset();
 }
 
+/* A rising supply passes the brown-out detector too: after power-up both flags are set. */
 uint8_t hal_reset_cause(void)
 {
+    if ((reset_cause & _BV(PORF)) != 0) {
+        return SMAD_RESET_CAUSE_POWER_ON;
+    }
     if ((reset_cause & _BV(WDRF)) != 0) {
         return SMAD_RESET_CAUSE_WATCHDOG;
     }
     if ((reset_cause & _BV(BORF)) != 0) {
         return SMAD_RESET_CAUSE_BROWN_OUT;
     }
-    if ((reset_cause & _BV(PORF)) != 0) {
-        return SMAD_RESET_CAUSE_POWER_ON;
-    }
     return (reset_cause & _BV(EXTRF)) != 0 ? SMAD_RESET_CAUSE_PIN : SMAD_RESET_CAUSE_UNKNOWN;
+}
+
+void hal_keep_stop(void)
+{
+    stop_mark = STOP_MARK;
+}
+
+/* RAM may outlive a short time without power. */
+bool hal_stop_kept(void)
+{
+    if ((reset_cause & _BV(PORF)) != 0) {
+        stop_mark = 0;
+    }
+    return stop_mark == STOP_MARK;
 }
 
 void hal_mark(bool on)

@@ -7,9 +7,9 @@
 
 static volatile uint8_t received[256];
 static volatile uint8_t received_head;
-static uint8_t received_tail;
+static volatile uint8_t received_tail;
 static volatile uint8_t to_send[256];
-static uint8_t to_send_head;
+static volatile uint8_t to_send_head;
 static volatile uint8_t to_send_tail;
 
 ISR(USART0_RX_vect)

@@ -276,6 +276,7 @@ void board_on_clear_fault(uint8_t fault, int64_t at_us)
 void board_on_estop(int64_t at_us)
 {
     (void)at_us;
+    hal_keep_stop();
     smad_sv_on_estop(&sv, &limits);
     apply();
     report_fault();
@@ -389,6 +390,9 @@ void board_start(void)
     token_state = params_count_boot();
     session_boot(token_state, hal_reset_cause(), now_us);
     apply_parameters();
+    if (hal_stop_kept()) {
+        smad_sv_on_estop(&sv, &limits);
+    }
 }
 
 void board_poll(void)

@@ -114,6 +114,12 @@ void hal_watchdog_kick(void);
 /* Why the chip started; enum smad_reset_cause. */
 uint8_t hal_reset_cause(void);
 
+/* Remembers that everything was stopped, for all resets until the next power-up. */
+void hal_keep_stop(void);
+
+/* Whether it was. */
+bool hal_stop_kept(void);
+
 /* Unique number of the chip. */
 void hal_uid(uint8_t uid[12]);
 

@@ -9,6 +9,7 @@
 #define HEADER 6u
 #define SLOT_MOST (1u + HEADER + ENTRY * SMAD_PARAMETER_COUNT + 4u)
 #define MARK 0x5Au
+#define ERASED 0xFFu
 #define BOOTS_AT 0u
 #define BOOTS_SIZE 8u
 #define SLOT_0 16u
@@ -128,7 +129,8 @@ static uint8_t check(int8_t index, int32_t value, int32_t *limit)
     int32_t low = smad_parameters[index].minimum;
     int32_t high = smad_parameters[index].maximum;
     bool choice = smad_parameters[index].kind == SMAD_PARAMETER_KIND_CHOICE;
-    if (value < low || value > high || (choice && !is_choice(value))) {
+    bool zero = value == 0 && smad_parameters[index].never_zero;
+    if (value < low || value > high || zero || (choice && !is_choice(value))) {
         *limit = value < low ? low : high;
         return SMAD_ERROR_CODE_OUT_OF_RANGE;
     }
@@ -184,19 +186,22 @@ static enum slot judge(uint16_t slot, uint16_t *size)
 {
     uint32_t crc = 0;
     uint16_t body = (uint16_t)(slot + 1u);
+    uint8_t mark = hal_store_read(slot);
+    enum slot else_it_is = mark == MARK ? SLOT_DAMAGED : SLOT_EMPTY;
     *size = 0;
-    if (hal_store_read(slot) != MARK) {
+    if (mark == ERASED) {
         return SLOT_EMPTY;
     }
     *size = read_u16((uint16_t)(body + 4u));
     if (*size > ENTRY * SMAD_PARAMETER_COUNT || *size % ENTRY != 0) {
-        return SLOT_DAMAGED;
+        return else_it_is;
     }
     for (uint16_t i = 0; i < HEADER + *size; i++) {
         uint8_t byte = hal_store_read((uint16_t)(body + i));
         crc = smad_crc32_more(crc, &byte, 1);
     }
-    return crc == read_u32((uint16_t)(body + HEADER + *size)) ? SLOT_GOOD : SLOT_DAMAGED;
+    /* A mark that is damaged itself, or was cut off while it was written, must not hide limits. */
+    return crc == read_u32((uint16_t)(body + HEADER + *size)) ? SLOT_GOOD : else_it_is;
 }
 
 /* Takes over what a slot holds; entries that do not exist or fit any more keep their values. */
@@ -291,8 +296,8 @@ void params_save(void)
     image_at = 1;
     retried = false;
     writing = true;
-    if (hal_store_read(image_slot) != 0xFFu) {
-        write_now(image_slot, 0xFFu);
+    if (hal_store_read(image_slot) != ERASED) {
+        write_now(image_slot, ERASED);
     }
 }
 

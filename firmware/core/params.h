@@ -4,7 +4,8 @@
  * `axis u8, number u16, value i32`, as in docs/protocol.md, of every value that is not the initial
  * one; the CRC covers all between mark and itself. A write takes the mark away first and sets it
  * last, so one that was cut off leaves a slot without a mark, and the other slot counts. A slot
- * with a mark and a wrong CRC is damage, and the board says so. */
+ * with a mark and a wrong CRC is damage, and the board says so; one with another mark and a right
+ * CRC counts, too. */
 
 #ifndef SMAD_PARAMS_H
 #define SMAD_PARAMS_H

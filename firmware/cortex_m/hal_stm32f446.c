@@ -46,6 +46,8 @@
 #define BRIDGE_DEAD 8388607
 #define TACHO_STANDS_US 200000u
 #define RING 512u
+#define STOP_MARK 0x53544F50u
+#define POWER_UP BIT(27)
 
 const char hal_name[] = "smad-nucleo 1.0 untried";
 
@@ -373,14 +375,15 @@ void hal_watchdog_kick(void)
 }
 
 static uint32_t reset_flags;
+static uint32_t stop_mark __attribute__((section(".noinit")));
 
 uint8_t hal_reset_cause(void)
 {
+    if ((reset_flags & POWER_UP) != 0) {
+        return SMAD_RESET_CAUSE_POWER_ON;
+    }
     if ((reset_flags & BIT(29)) != 0) {
         return SMAD_RESET_CAUSE_WATCHDOG;
-    }
-    if ((reset_flags & BIT(27)) != 0) {
-        return SMAD_RESET_CAUSE_POWER_ON;
     }
     if ((reset_flags & BIT(25)) != 0) {
         return SMAD_RESET_CAUSE_BROWN_OUT;
@@ -389,6 +392,20 @@ uint8_t hal_reset_cause(void)
         return SMAD_RESET_CAUSE_SOFTWARE;
     }
     return (reset_flags & BIT(26)) != 0 ? SMAD_RESET_CAUSE_PIN : SMAD_RESET_CAUSE_UNKNOWN;
+}
+
+void hal_keep_stop(void)
+{
+    stop_mark = STOP_MARK;
+}
+
+/* RAM may outlive a short time without power. */
+bool hal_stop_kept(void)
+{
+    if ((reset_flags & POWER_UP) != 0) {
+        stop_mark = 0;
+    }
+    return stop_mark == STOP_MARK;
 }
 
 void hal_mark(bool on)

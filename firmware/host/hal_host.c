@@ -1,7 +1,7 @@
 /* The core as a Linux process: on virtual time, in lockstep with a plant (sim/link.h), or by itself
  * in real time behind a pseudo-terminal (realtime.c).
  *
- *   smad-firmware-host --link FD --store FILE [--time US] [--cause N] [--resets N]
+ *   smad-firmware-host --link FD --store FILE [--time US] [--cause N] [--resets N] [--stopped 1]
  *   smad-firmware-host --pty NAME --store FILE [--cause N]
  *
  * FD is one end of a SOCK_SEQPACKET pair. Power-up takes no time; after that time passes only as
@@ -40,6 +40,7 @@ static struct {
     const char *store_name;
     uint8_t cause;
     uint16_t resets;
+    bool stopped;
 } run;
 
 static uint8_t store[HAL_STORE_SIZE];
@@ -93,7 +94,7 @@ static void die(const char *what)
     exit(1);
 }
 
-/* The reset of a watchdog: nothing survives but the store and the rest of the step. */
+/* The reset of a watchdog: nothing survives but the store, an ESTOP and the rest of the step. */
 static void restart(void)
 {
     char link[16];
@@ -106,7 +107,8 @@ static void restart(void)
     close(run.store_fd);
     /* The plant still waits for the answer to this step: the program begins by giving it. */
     execl("/proc/self/exe", run.program, "--link", link, "--store", run.store_name, "--resets",
-          resets, "--cause", cause, "--owes-answer", "1", (char *)NULL);
+          resets, "--cause", cause, "--owes-answer", "1", "--stopped", run.stopped ? "1" : "0",
+          (char *)NULL);
     die("cannot restart");
 }
 
@@ -345,6 +347,16 @@ uint8_t hal_reset_cause(void)
     return run.cause;
 }
 
+void hal_keep_stop(void)
+{
+    run.stopped = true;
+}
+
+bool hal_stop_kept(void)
+{
+    return run.stopped;
+}
+
 void hal_mark(bool on)
 {
     (void)on; /* virtual time stands still meanwhile */
@@ -376,6 +388,8 @@ int main(int count, char **arguments)
             run.cause = (uint8_t)atoi(value);
         } else if (strcmp(name, "--resets") == 0) {
             run.resets = (uint16_t)atoi(value);
+        } else if (strcmp(name, "--stopped") == 0) {
+            run.stopped = atoi(value) != 0;
         } else if (strcmp(name, "--owes-answer") == 0) {
             owes = true;
         }

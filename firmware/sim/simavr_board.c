@@ -1,6 +1,6 @@
 /* An Arduino Mega with the parts of the wiring page around it, on libsimavr, behind sim/link.h.
  *
- *   smad-simavr --elf FILE --link FD --store FILE [--cause N] [--watch ADDRESS] ...
+ *   smad-simavr --elf FILE --link FD --store FILE [--cause N] [--stopped 1] [--watch ADDRESS] ...
  *
  * This program is linked with libsimavr, which is under the GNU General Public License, version 3;
  * so is this program as a whole. It is a tool of the tests and the simulated bench. Nothing of it
@@ -37,6 +37,7 @@
 #define REG_OCR4BL 0xAA
 #define REG_PORTC 0x28
 #define REG_DDRC 0x27
+#define STOP_MARK 0x53544F50u /* as in avr/mega.h */
 #define GATE 7
 #define DRAIN_X 6
 #define DRAIN_Y 5
@@ -311,8 +312,20 @@ static void wire_up(void)
 
 static void set_cause(int cause)
 {
-    uint8_t bit = cause == CAUSE_PIN ? 2 : cause == CAUSE_BROWN_OUT ? 4 : 1;
+    /* A rising supply passes the brown-out detector: power-up leaves both flags. */
+    uint8_t bit = cause == CAUSE_PIN ? 2 : cause == CAUSE_BROWN_OUT ? 4 : 1 | 4;
     avr->data[REG_MCUSR] = cause == CAUSE_WATCHDOG ? 8 : bit;
+}
+
+/* An ESTOP before this reset, as the chip's own memory keeps it. */
+static void set_stopped(const elf_firmware_t *image)
+{
+    static const uint32_t mark = STOP_MARK;
+    for (uint32_t i = 0; i < image->symbolcount; i++) {
+        if (strcmp(image->symbol[i]->symbol, "stop_mark") == 0) {
+            memcpy(avr->data + (image->symbol[i]->addr & 0xFFFFu), &mark, sizeof mark);
+        }
+    }
 }
 
 int main(int count, char **arguments)
@@ -322,6 +335,7 @@ int main(int count, char **arguments)
     const char *store = NULL;
     int link = -1;
     int cause = 1;
+    bool stopped = false;
     for (int i = 1; i + 1 < count; i += 2) {
         if (strcmp(arguments[i], "--elf") == 0) {
             elf = arguments[i + 1];
@@ -331,6 +345,8 @@ int main(int count, char **arguments)
             link = atoi(arguments[i + 1]);
         } else if (strcmp(arguments[i], "--cause") == 0) {
             cause = atoi(arguments[i + 1]);
+        } else if (strcmp(arguments[i], "--stopped") == 0) {
+            stopped = atoi(arguments[i + 1]) != 0;
         } else if (strcmp(arguments[i], "--watch") == 0 && watches < LINK_WATCHED) {
             watch_at[watches++] = (uint16_t)strtoul(arguments[i + 1], NULL, 0);
         }
@@ -362,6 +378,9 @@ int main(int count, char **arguments)
     load_store(store);
     on_reset(NULL);
     set_cause(cause);
+    if (stopped) {
+        set_stopped(&image);
+    }
     after_reset();
     serve(link);
     return 0;

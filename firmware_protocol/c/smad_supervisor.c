@@ -1410,7 +1410,7 @@ static void smad_sv_find_ceiling(struct smad_sv_memory *s, const struct smad_sv_
         limiter = SMAD_LIMITER_I2T;
     }
     t_cC = smad_sv_max16(s->t_cC[k], (int16_t)(s->low_fcC[k] >> 16));
-    if (t_cC > (int16_t)lim->fold_start_cC) {
+    if (t_cC > smad_sv_min16((int16_t)lim->fold_start_cC, (int16_t)lim->fold_end_cC)) {
         span_cC = smad_sv_max16(((int16_t)lim->fold_end_cC - (int16_t)lim->fold_start_cC), 1);
         left_cC = smad_sv_max32(((int32_t)lim->fold_end_cC - (int32_t)t_cC), (int32_t)0);
         folded_mA = smad_sv_div32(((int32_t)lim->current_limit_mA * left_cC), (int32_t)span_cC);

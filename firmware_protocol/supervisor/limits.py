@@ -115,7 +115,9 @@ class Limits:
         int, Row(100, 80, "permille", "gain of a good driver is 2 %", 40)
     ]
     current_error_us: Annotated[int, Row(50_000, 20_000, "us", "past the settling of any edge", 41)]
-    over_current_mA: Annotated[int, Row(4800, 4800, "mA", "20 % above the largest setpoint")]
+    over_current_mA: Annotated[
+        int, Row(4600, 4600, "mA", "15 % above the largest setpoint; the sense may end at 4777")
+    ]
     uncommanded_us: Annotated[int, Row(20_000, 20_000, "us", "two samples at 100 Hz")]
     resistance_current_mA: Annotated[int, Row(500, 500, "mA", "below, V/I is too coarse")]
     resistance_min_mohm: Annotated[int, Row(180, 180, "mohm", "least of any bench in range 230")]

@@ -145,7 +145,8 @@ def find_ceiling(s: Memory, lim: Limits, k: int) -> None:
         limiter = Limiter.I2T
     # The heaviest good spring is never warmer than the true one: it stands in for a slow sensor.
     t_cC = max(s.t_cC[k], s.low_fcC[k] // FCC_PER_CC)
-    if t_cC > lim.fold_start_cC:
+    # An end that was tightened below the start cuts the current there.
+    if t_cC > min(lim.fold_start_cC, lim.fold_end_cC):
         span_cC = max(lim.fold_end_cC - lim.fold_start_cC, 1)
         left_cC = max(lim.fold_end_cC - t_cC, 0)
         folded_mA = lim.current_limit_mA * left_cC // span_cC

@@ -103,7 +103,7 @@ STATE_OUTPUTS: dict[BoardState, tuple[bool, PumpPolicy]] = {
 CURRENT_ALLOWED: frozenset[BoardState] = frozenset({BoardState.ARMED})
 
 STATE_MEANING: dict[BoardState, str] = {
-    BoardState.BOOT: "self-test; gate off",
+    BoardState.BOOT: "five samples; gate off",
     BoardState.SAFE: "gate off, pumps off; measures and reports",
     BoardState.ARMED: "current follows the setpoints below the ceilings",
     BoardState.HOLD: "setpoints stopped; current zero, waiting for a fresh one",

@@ -59,7 +59,10 @@ _THREE = "debounce_samples"
 _TWO = "double_samples"
 
 CHECKS: tuple[Check, ...] = (
-    _row(Fault.PARAM_CRC, checks.param_crc, _BOARD, ALWAYS, "parameters do not match their CRC"),
+    _row(
+        Fault.PARAM_CRC, checks.param_crc, _BOARD, ALWAYS,
+        "at boot, stored parameters fail their CRC",
+    ),
     _row(
         Fault.LOOP_OVERRUN, checks.loop_overrun, _BOARD, DRIVING,
         "time since the last sample > {overrun_us}",

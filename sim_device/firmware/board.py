@@ -69,7 +69,8 @@ def _read(number: int, payload: bytes) -> wire.Message | None:
 class FirmwareBoard:
     """One power-up of the firmware, as a process. `close` ends it.
 
-    program: command line of the port. path: file of its store. start_us: chip time at power-up.
+    program: command line of the port. path: file of its store. stopped: there was an ESTOP before
+    this reset. start_us: chip time at power-up.
     Raises LinkError when the process does not come up.
     """
 
@@ -80,6 +81,7 @@ class FirmwareBoard:
         *,
         hardware: Hardware,
         cause: ResetCause = ResetCause.POWER_ON,
+        stopped: bool = False,
         start_us: int = 0,
     ) -> None:
         self.hardware = hardware
@@ -109,6 +111,7 @@ class FirmwareBoard:
         self._end, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._end.settimeout(PATIENCE_S)
         arguments = ["--link", str(theirs.fileno()), "--store", str(path), "--time", str(start_us)]
+        arguments += ["--stopped", str(int(stopped))]
         try:
             self._process = subprocess.Popen(
                 [*program, *arguments, "--cause", str(int(cause))], pass_fds=[theirs.fileno()]

@@ -49,7 +49,7 @@ def read_parameters(path: Path) -> ParameterStore:
         sequence, size = _HEADER.unpack_from(content, slot + 1)
         body = content[slot + 1 : slot + 1 + _HEADER.size + size]
         end = slot + 1 + len(body)
-        good = content[slot] == MARK and content[end : end + 4] == _CRC.pack(zlib.crc32(body))
+        good = content[slot] != ERASED and content[end : end + 4] == _CRC.pack(zlib.crc32(body))
         if good and sequence > best:
             best = sequence
             packed = body[_HEADER.size :]

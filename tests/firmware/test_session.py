@@ -15,9 +15,12 @@ from firmware_protocol.generate.vectors import random_message
 from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import decompress, describe, own_crc
 from firmware_protocol.wire import Direction
+from sim_device.bench import SimulatedBench
 from sim_device.board import CAPABILITIES
 from sim_device.faults import injection
+from sim_device.firmware import store
 from sim_device.firmware.bench import ChipBench, firmware_bench
+from sim_device.firmware.build import SOURCES
 from tests.firmware.conftest import Make, MakeFirmware, needs
 from tests.sim_device.loop import Loop, hold
 
@@ -125,6 +128,83 @@ def test_arming_takes_the_right_token_once_and_the_parameters_as_they_are(make: 
     loop.until(lambda: loop.mode is BoardState.SAFE)
 
 
+def test_arming_is_refused_when_parameters_or_clock_changed_since_it_was_asked_for(
+    make: Make,
+) -> None:
+    loop = Loop(make()).connected()
+    crc = identity(loop).param_crc
+    token = loop.request(wire.ArmRequest(0, crc))
+    assert isinstance(token, wire.ArmToken)
+    loop.request(wire.ParamSet(0, LIMIT, 900))
+    confirm = wire.ArmConfirm(0, token.token)
+    assert error_of(loop.request(confirm)) is ErrorCode.PARAMETERS_DIFFER
+    loop.request(wire.ParamSet(0, LIMIT, 4000))
+    again = loop.request(wire.ArmRequest(0, crc))
+    assert isinstance(again, wire.ArmToken)
+    assert again.token != token.token
+    before = len(loop.states)
+    loop.bench.hang(0.03)
+    loop.until(lambda: len(loop.states) > before and loop.states[-1].warnings >> 5 & 1, 20)
+    late = loop.request(wire.ArmConfirm(0, again.token))
+    assert error_of(late) is ErrorCode.CLOCK_UNLOCKED
+
+
+@pytest.mark.parametrize("port", ["python", "host"])
+def test_setpoint_and_disarm_count_at_once_and_the_drains_close_with_the_gate(port: str) -> None:
+    needs("host")
+    bench = SimulatedBench() if port == "python" else firmware_bench("host")
+    loop = Loop(bench).armed()
+    board = bench.board
+    loop.step(2)
+    loop.host.send_setpoint(wire.Setpoint(0, loop.states[-1].t_us, (900, 0), (0, 0), 3, 100))
+    bench.receive(loop.host.data_to_send())
+    assert (board.outputs.applied_mA[0], board.drain) == (900, (True, True))
+    loop.host.request(wire.Disarm(0), bench.now_us)
+    bench.receive(loop.host.data_to_send())
+    assert board.outputs.gate == 0
+    loop.step()
+    assert board.drain == (False, False)
+    bench.close()
+
+
+@pytest.mark.parametrize("port", ["python", "host"])
+def test_the_32_bits_of_the_clock_may_wrap_while_it_heats(port: str) -> None:
+    needs("host")
+    options = {"clock_start_us": (1 << 32) - 2_000_000}
+    bench = SimulatedBench(**options) if port == "python" else firmware_bench("host", **options)
+    loop = Loop(bench).armed()
+    loop.answer = hold(1000)
+    loop.step(400)
+    assert loop.states[0].t_us > loop.states[-1].t_us
+    assert {state.mode for state in loop.states[-300:]} == {BoardState.ARMED}
+    assert loop.states[-1].i_applied_mA == (1000, 0)
+    loop.answer = lambda state: None
+    loop.until(lambda: loop.mode is BoardState.FAULT, 80)
+    bench.close()
+
+
+def test_a_tightened_age_refuses_setpoints_that_the_gate_of_the_session_lets_pass(
+    make: Make,
+) -> None:
+    loop = Loop(make()).connected()
+    number = next(row.number for row in PARAMETERS if row.name == "setpoint_age_us")
+    loop.request(wire.ParamSet(0, number, 20_000))
+    loop.request(wire.ParamSave())
+    loop.armed()
+    loop.step(2)
+    fresh = hold(500)
+    loop.answer = lambda state: fresh(loop.states[-4])
+    loop.step(8)
+    assert loop.states[-1].i_applied_mA == (0, 0)
+
+
+def test_nothing_but_a_sample_resets_the_watchdog() -> None:
+    core = "".join(path.read_text() for path in sorted((SOURCES / "core").glob("*.c")))
+    assert core.count("hal_watchdog_kick();") == 1
+    sample = core[core.index("static void take_sample(") : core.index("/* Commands of the host */")]
+    assert "hal_watchdog_kick();" in sample
+
+
 def test_every_request_of_the_table_is_carried_out_and_its_axis_is_looked_at(make: Make) -> None:
     loop = Loop(make()).connected()
     rng = random.Random(1)
@@ -172,6 +252,29 @@ def test_estop_ends_everything_until_the_power_is_cycled(make: Make) -> None:
     assert identity(loop).boot_count == 2
 
 
+@pytest.mark.parametrize("cause", [ResetCause.WATCHDOG, ResetCause.PIN])
+def test_estop_outlives_a_reset_of_the_chip_and_not_a_power_cycle(
+    make: Make, cause: ResetCause
+) -> None:
+    loop = Loop(make()).armed()
+    loop.host.send_estop()
+    loop.until(lambda: loop.mode is BoardState.ESTOP, 10)
+    if cause is ResetCause.WATCHDOG:
+        loop.bench.hang(0.3)
+    else:
+        # As opening the port does.
+        loop.bench.reboot(cause)
+    begin = len(loop.states)
+    loop.until(lambda: loop.restarts and len(loop.of(Connected)) == 2, 200)
+    loop.step(10)
+    assert {state.mode for state in loop.states[begin:]} == {BoardState.ESTOP}
+    assert identity(loop).reset_cause is cause
+    assert loop.reports[-1].fault is Fault.ESTOP_PRESSED
+    restarted(loop)
+    assert loop.mode is BoardState.SAFE
+    assert identity(loop).reset_cause is ResetCause.POWER_ON
+
+
 def test_parameters_are_set_within_their_range_and_only_where_it_is_safe(make: Make) -> None:
     loop = Loop(make()).connected()
     for row in PARAMETERS:
@@ -187,6 +290,8 @@ def test_parameters_are_set_within_their_range_and_only_where_it_is_safe(make: M
     assert isinstance(too_much, wire.Error)
     assert too_much.limit == 4000
     assert error_of(loop.request(wire.ParamGet(0, 9))) is ErrorCode.UNKNOWN_PARAMETER
+    for row in (row for row in PARAMETERS if row.never_zero):
+        assert error_of(loop.request(wire.ParamSet(0, row.number, 0))) is ErrorCode.OUT_OF_RANGE
     changed = loop.request(wire.ParamSet(0, LIMIT, 900))
     assert isinstance(changed, wire.ParamValue)
     loop.request(wire.ParamSave())
@@ -206,6 +311,9 @@ def test_saved_parameters_survive_a_power_cycle_and_others_do_not(make: Make) ->
     value = loop.request(wire.ParamGet(0, LIMIT))
     assert isinstance(value, wire.ParamValue)
     assert value.value == 900
+    loop.answer = hold(2000)
+    loop.armed().step(30)
+    assert loop.bench.board.outputs.applied_mA[0] == 900
 
 
 def test_a_save_that_meets_the_save_of_an_earlier_session_is_carried_out_after_it(
@@ -268,6 +376,22 @@ def test_a_power_cut_in_the_middle_of_a_write_leaves_the_old_or_the_new(
     value = loop.request(wire.ParamGet(0, LIMIT))
     assert isinstance(value, wire.ParamValue)
     assert value.value in (900, 700)
+
+
+def test_a_damaged_mark_does_not_loosen_what_was_saved(
+    make_firmware: MakeFirmware, tmp_path: Path
+) -> None:
+    path = tmp_path / "store"
+    loop = Loop(make_firmware(store_path=path)).connected()
+    loop.request(wire.ParamSet(0, LIMIT, 900))
+    loop.request(wire.ParamSave())
+    content = bytearray(path.read_bytes())
+    content[store.SLOTS[0]] ^= 0x10
+    path.write_bytes(content)
+    restarted(loop)
+    value = loop.request(wire.ParamGet(0, LIMIT))
+    assert isinstance(value, wire.ParamValue)
+    assert value.value == 900
 
 
 def test_a_damaged_store_stops_the_board_until_it_is_mended(make: Make) -> None:

@@ -6,7 +6,15 @@ from pathlib import Path
 import pytest
 
 from firmware_protocol.enums import BoardState, Channel, Fault, Limiter
-from firmware_protocol.supervisor import CHECKS, FAULT_TEXTS, Disarmed, Measurements, SelfTest
+from firmware_protocol.supervisor import (
+    CHECKS,
+    FAULT_TEXTS,
+    Disarmed,
+    Measurements,
+    SelfTest,
+    compiled_limits,
+    tighten,
+)
 from firmware_protocol.supervisor.table import ALWAYS, LINES
 
 from .bench import Rig
@@ -52,7 +60,7 @@ CASES = [
     ("parameters damaged", put("parameters_ok", 0), Fault.PARAM_CRC, 4, 0.01, 0.01),
     ("FET shorted", put("i_mA", 10_000, 0), Fault.OVER_CURRENT, 0, 0.02, 0.02),
     ("current on its own", put("i_mA", 700, 1), Fault.UNCOMMANDED_CURRENT, 1, 0.03, 0.06),
-    ("too much current", put("i_mA", 4700, 0), Fault.CURRENT_HIGH, 0, 0.06, 0.2),
+    ("too much current", put("i_mA", 4550, 0), Fault.CURRENT_HIGH, 0, 0.06, 0.2),
     ("too little current", put("i_mA", 3000, 0), Fault.CURRENT_LOW, 0, 0.06, 0.2),
     ("pump on its own", put("pump_rpm", 5000, 1), Fault.PUMP_STUCK_ON, 1, 1.0, 1.02),
     ("below its surroundings", put("rtd_cC", 2179, 1), Fault.SENSOR_IMPLAUSIBLE, 1, 0.03, 0.03),
@@ -94,6 +102,16 @@ def test_what_passes_before_the_debounce_trips_nothing(
     rig.step(samples)
     rig.spoil = lambda m: (setattr(m, "leak", good.leak), setattr(m, "vbus_mV", good.vbus_mV))[0]
     stays(rig, 3.0)
+
+
+def test_a_time_that_a_condition_did_not_hold_is_not_counted() -> None:
+    rig = Rig().heat(seconds=1.5)
+    for _ in range(5):
+        rig.spoil = put("leak", 1)
+        rig.step(4)
+        rig.spoil = put("leak", 0)
+        rig.step()
+    assert rig.state is BoardState.ARMED
 
 
 def test_a_wire_that_breaks_is_told_from_a_driver_that_dies() -> None:
@@ -176,6 +194,15 @@ def test_a_reading_that_hangs_while_heating_is_stuck() -> None:
     fault, channel, took = trips(rig, 20.0)
     assert (fault, channel) == (Fault.SENSOR_STUCK, Channel.SPRING_X)
     assert took < 5.1
+
+
+def test_a_reading_that_hangs_under_weak_heating_is_stuck_once_any_spring_had_warmed() -> None:
+    rig = Rig().heat(800, seconds=1.0)
+    rig.spoil = put("rtd_cC", rig.m.rtd_cC[0], 0)
+    fault, channel, took = trips(rig, 200.0)
+    assert (fault, channel) == (Fault.SENSOR_STUCK, Channel.SPRING_X)
+    assert took > 5.0
+    assert rig.memory.anchor_net_nJ[0] < 20_000_000_000
 
 
 def test_a_steady_reading_without_any_noise_is_not_stuck() -> None:
@@ -361,6 +388,13 @@ def test_i2t_lowers_the_ceiling_and_trips_only_a_driver_that_does_not_obey() -> 
     assert trips(rig, 60.0)[0] is Fault.I2T
 
 
+def test_i2t_does_not_raise_a_ceiling_that_was_tightened_below_the_rated_current() -> None:
+    rig = Rig(tighten(compiled_limits(), {"current_limit_mA": 1000})).heat(4000)
+    rig.memory.i2t_mA2us[0] = rig.memory.i2t_budget_mA2us
+    rig.step()
+    assert rig.memory.applied_mA[0] == 1000
+
+
 def test_the_current_folds_back_before_the_temperature_trips() -> None:
     rig = Rig().arm()
     rig.setpoint_mA = (4000, 0)
@@ -368,6 +402,13 @@ def test_the_current_folds_back_before_the_temperature_trips() -> None:
     assert 8100 < rig.m.rtd_cC[0] < 8800
     assert rig.supervisor.limiter is Limiter.TEMPERATURE
     assert rig.memory.warnings >> 2 & 1
+
+
+def test_an_end_of_the_fold_back_below_its_start_ends_the_current_there() -> None:
+    rig = Rig(tighten(compiled_limits(), {"fold_end_cC": 5000})).arm()
+    rig.setpoint_mA = (4000, 0)
+    stays(rig, 60.0)
+    assert 4900 < rig.m.rtd_cC[0] < 5200
 
 
 @pytest.mark.parametrize(
@@ -448,6 +489,83 @@ def test_a_row_has_as_many_lines_as_channels() -> None:
 @pytest.mark.parametrize("check", [c for c in CHECKS if c.states == ALWAYS], ids=lambda c: c.fault)
 def test_a_check_that_is_always_on_is_on_in_every_state_that_measures(check: object) -> None:
     assert check.states == set(BoardState) - {BoardState.BOOT, BoardState.ESTOP}  # type: ignore[attr-defined]
+
+
+def test_hold_is_watched_like_armed_and_no_channel_is_left_out() -> None:
+    for check in CHECKS:
+        assert (BoardState.ARMED in check.states) == (BoardState.HOLD in check.states), check.fault
+        alike = {Channel.SPRING_X, Channel.SPRING_Y}, {Channel.INLET, Channel.AMBIENT}
+        for group in alike:
+            assert group <= set(check.channels) or not group & set(check.channels), check.fault
+        if Channel.INLET in check.channels:
+            assert Channel.SPRING_X in check.channels
+
+
+def with_gate_off(state: BoardState) -> Rig:
+    """A rig in SAFE, in COOL with a hot spring, or in FAULT, whose cause is gone."""
+    if state is BoardState.SAFE:
+        rig = Rig()
+        rig.event(SelfTest(True))
+        rig.seconds(0.5)
+        return rig
+    rig = Rig().heat(seconds=8.0)
+    if state is BoardState.COOL:
+        rig.event(Disarmed())
+        rig.step()
+    else:
+        rig.spoil = put("vbus_mV", 7000)
+        rig.seconds(0.05)
+        rig.spoil = lambda m: None
+        rig.m.vbus_mV = 12_000
+    assert rig.state is state
+    return rig
+
+
+def jump_about(m: Measurements) -> None:
+    m.rtd_cC[3] = 3500 if m.rtd_cC[3] < 3000 else 2680
+
+
+SAFE, COOL, STOPPED = BoardState.SAFE, BoardState.COOL, BoardState.FAULT
+OFF_CASES = [
+    # fault, spoiler, seconds, states in which it must be seen
+    (Fault.PARAM_CRC, put("parameters_ok", 0), 0.02, (SAFE, COOL, STOPPED)),
+    (Fault.LEAK, put("leak", 1), 0.08, (SAFE, COOL, STOPPED)),
+    (Fault.OVER_CURRENT, put("i_mA", 10_000, 0), 0.03, (SAFE, COOL, STOPPED)),
+    (Fault.UNCOMMANDED_CURRENT, put("i_mA", 700, 1), 0.2, (SAFE, COOL, STOPPED)),
+    (Fault.OVER_TEMPERATURE, put("rtd_cC", 9600, 1), 0.04, (SAFE, COOL, STOPPED)),
+    (Fault.PUMP_STUCK_ON, put("pump_rpm", 5000, 0), 1.1, (SAFE, STOPPED)),
+    (Fault.SENSOR_INVALID, put("rtd_cC", -32768, 0), 0.04, (COOL, STOPPED)),
+    (Fault.SENSOR_OPEN, put("rtd_cC", 32767, 1), 0.04, (COOL, STOPPED)),
+    (Fault.SENSOR_SHORT, put("rtd_cC", -24200, 2), 0.04, (COOL, STOPPED)),
+    (Fault.SENSOR_IMPLAUSIBLE, jump_about, 0.1, (COOL,)),
+    (Fault.SENSOR_IMPLAUSIBLE, put("rtd_cC", 2100, 1), 0.05, (COOL,)),
+    (Fault.HEATING_WHILE_OFF, None, 5.0, (SAFE, COOL)),
+    (Fault.MODEL_RESIDUAL, put("rtd_cC", 9400, 0), 5.2, (COOL,)),
+    (Fault.PUMP_STALLED, put("pump_rpm", 0, 1), 1.1, (COOL,)),
+    (Fault.PUMP_DRY, put("pump_rpm", 10_800, 0), 2.1, (COOL,)),
+    (Fault.NO_COOLING, put("rtd_cC", 5500, 0), 12.2, (COOL,)),
+]
+
+
+@pytest.mark.parametrize(
+    ("fault", "spoil", "seconds", "state"),
+    [(*case[:3], state) for case in OFF_CASES for state in case[3]],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_what_breaks_with_the_gate_off_is_seen_there(
+    fault: Fault, spoil: Callable[[Measurements], None] | None, seconds: float, state: BoardState
+) -> None:
+    rig = with_gate_off(state)
+    if spoil is None:
+        warm_cC = [rig.m.rtd_cC[0]]
+
+        def spoil(m: Measurements) -> None:
+            warm_cC[0] += 4
+            m.rtd_cC[0] = warm_cC[0]
+
+    rig.spoil = spoil
+    rig.seconds(seconds)
+    assert rig.memory.faults >> (fault - 1) & 1, rig.supervisor.first_fault
 
 
 def test_of_two_checks_in_one_sample_the_upper_row_names_the_cause() -> None:

@@ -79,6 +79,15 @@ def test_every_limit_a_check_names_exists() -> None:
         assert all(name in LIMIT_ROWS for name in safety._LIMIT_NAME.findall(check.trips_when))
 
 
+def test_an_over_current_is_one_that_the_sense_can_still_show() -> None:
+    # The INA240 goes to 0.2 V below its supply, which is the converter's reference too.
+    limits, supply_V = compiled_limits(), 4.5
+    most_mA = 5000 * (supply_V - 0.2) / supply_V
+    assert (
+        limits.current_limit_mA * 1.1 + limits.current_error_mA < limits.over_current_mA < most_mA
+    )
+
+
 def test_temperatures_stand_in_the_order_in_which_they_protect() -> None:
     limits = compiled_limits()
     host = host_limits(limits)

@@ -83,6 +83,7 @@ def test_a_board_that_passes_its_self_test_is_safe_with_everything_off() -> None
     assert rig.state is BoardState.SAFE
     assert not rig.memory.gate
     assert rig.memory.duty == [0, 0]
+    assert rig.memory.warnings == 0
 
 
 def test_a_board_that_fails_its_self_test_is_in_fault() -> None:
@@ -140,6 +141,13 @@ def test_a_wrong_token_does_not_arm_and_spoils_the_right_one() -> None:
     outcome = rig.event(ArmConfirmed(GOOD_LINK, 6))
     assert outcome.code is ErrorCode.TOKEN_WRONG
     assert "6" in outcome.message
+    assert rig.event(ArmConfirmed(GOOD_LINK, 5)).code is ErrorCode.TOKEN_WRONG
+
+
+def test_a_request_that_is_refused_withdraws_the_token_before_it() -> None:
+    rig = ready()
+    rig.event(ArmRequested(GOOD_LINK, 5))
+    assert not rig.event(ArmRequested(Link(clock=False), 6)).accepted
     assert rig.event(ArmConfirmed(GOOD_LINK, 5)).code is ErrorCode.TOKEN_WRONG
 
 
@@ -244,21 +252,46 @@ def test_arming_is_refused_outside_safe(state: BoardState) -> None:
 
 def test_setpoints_in_safe_do_nothing() -> None:
     rig = ready()
+    refused_one = rig.event(SetpointArrived((3000, 0), (0, 0), 0, 100_000))
+    assert refused_one.code is ErrorCode.WRONG_STATE
     rig.setpoint_mA = (4000, 4000)
     rig.step(5)
     assert rig.memory.applied_mA == [0, 0]
     assert rig.state is BoardState.SAFE
 
 
-def test_an_armed_board_starts_at_zero_whatever_came_before() -> None:
-    rig = Rig().heat(2000)
+def test_an_armed_board_starts_afresh_whatever_came_before() -> None:
+    rig = Rig()
+    rig.duty = (0, 90)
+    rig.heat(2000)
+    assert rig.memory.reference_mohm[0]
+    rig.m.vbus_mV = 7000
+    rig.step()
     rig.event(Disarmed())
+    rig.m.vbus_mV = 12_000
     rig.until(BoardState.SAFE)
     rig.send = False
     rig.event(ArmRequested(GOOD_LINK, 9))
     rig.event(ArmConfirmed(GOOD_LINK, 9))
+    assert (rig.memory.reference_mohm, rig.memory.anchor_net_nJ) == ([0, 0], [0, 0])
+    rig.m.vbus_mV = 7000
     rig.step()
-    assert rig.state is BoardState.ARMED
+    assert rig.state is BoardState.ARMED, "one dip of the supply is no fault"
+    assert (rig.memory.applied_mA, rig.memory.duty) == ([0, 0], [0, 0])
+
+
+def test_estop_opens_the_gate_before_the_next_sample() -> None:
+    rig = Rig().heat()
+    assert rig.memory.gate
+    rig.event(Stopped())
+    assert (rig.memory.gate, rig.memory.applied_mA) == (0, [0, 0])
+
+
+@pytest.mark.parametrize("stage_um", [-1, 200_001])
+def test_a_setpoint_that_cannot_be_is_refused_whole(stage_um: int) -> None:
+    rig = Rig().arm()
+    outcome = rig.event(SetpointArrived((3000, 0), (0, 0), 0, 100_000, stage_um))
+    assert outcome.code is ErrorCode.OUT_OF_RANGE
     assert rig.memory.applied_mA == [0, 0]
 
 
@@ -283,7 +316,8 @@ def test_silence_leads_to_hold_then_to_fault_with_the_current_off_at_once() -> N
     fault = rig.supervisor.first_fault
     assert fault is not None
     assert fault.fault is Fault.SETPOINT_LOST
-    assert fault.measured > fault.limit
+    assert fault.measured > fault.limit == 600_000
+    assert fault.t_us == rig.now_us
     assert not rig.memory.gate
 
 
@@ -348,7 +382,7 @@ def test_disarming_cools_with_the_pumps_on_until_cold() -> None:
     assert rig.state is BoardState.COOL
     assert not rig.memory.gate
     assert rig.memory.duty == [255, 255]
-    rig.until(BoardState.SAFE)
+    assert rig.until(BoardState.SAFE) < 30.0
     assert rig.m.rtd_cC[0] < 4500
     assert rig.memory.duty == [0, 0]
 
