@@ -515,9 +515,25 @@ TRAJECTORY = Recipe(
             "    Triangle,\n",
             before=")\nfrom smad.control.trajectories import KINDS",
         ),
+        Insert(
+            "an example for the soak",
+            "campaign/soak/draws.py",
+            "        lambda: Triangle(displacement_mm=_place(rng), rate_mm_per_s=5.0),\n",
+            before="        lambda: Sine(\n",
+        ),
+        Insert(
+            "its import in the soak",
+            "campaign/soak/draws.py",
+            "    Triangle,\n",
+            before="    Tune,\n",
+        ),
         Generate(),
     ),
-    ("tests/smad/control/test_trajectories.py", "tests/smad/cli/test_move.py"),
+    (
+        "tests/smad/control/test_trajectories.py",
+        "tests/smad/cli/test_move.py",
+        "tests/campaign/test_soak.py::test_a_soak_draws_every_trajectory",
+    ),
 )
 
 COMMAND = Recipe(
