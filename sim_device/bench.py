@@ -26,7 +26,6 @@ from firmware_protocol.supervisor.ranges import COMMAND
 from sim_device.board import SELF_TEST_SAMPLES, WRAP, Board
 from sim_device.errors import RefusedError
 from sim_device.faults import NEVER, Injection, Scheduler
-from sim_device.hardware import Hardware
 from sim_device.line import Line
 from sim_device.plant import Drive, ParameterSet, Plant, load_parameters
 from sim_device.plant.errors import InputError
@@ -85,7 +84,7 @@ class SimulatedBench:
         self.uplink = Line(random.Random(f"up {seed}"))
         self.downlink = Line(random.Random(f"down {seed}"))
         self.echo = False
-        self.hardware = Hardware()
+        self.hardware = self.board_type.hardware_type()
         self.clock_ppm = 0
         self.period_scale = 1
         """Samples take so many periods: a slow loop."""
@@ -98,7 +97,9 @@ class SimulatedBench:
         self._fixture = fixture
         self._seed = seed
         self._rate_hz = rate_hz
-        self._image = named_image(image, axis_name, rate_hz)
+        self._image = named_image(
+            image, axis_name, {**self.board_type.initial_parameters, "state_rate_hz": rate_hz}
+        )
         self._boots = 0
         self._board_start_us = clock_start_us
         self._typed_seq = 0
@@ -309,12 +310,16 @@ class SimulatedBench:
             self._plant_us = until_us
 
 
-def named_image(image: bytes | None, axis_name: str, rate_hz: int) -> bytes | None:
-    """Return an image of stored parameters that holds the name of the axis, if there is one."""
+def named_image(image: bytes | None, axis_name: str, initial: Mapping[str, int]) -> bytes | None:
+    """Return an image of stored parameters that holds the name of the axis, if there is one.
+
+    `initial` are the parameters of a board without an image, where they are not the table's.
+    """
     if not axis_name:
         return image
     store = ParameterStore(1)
-    store.set(0, BY_NAME["state_rate_hz"].number, rate_hz)
+    for name, value in initial.items():
+        store.set(0, BY_NAME[name].number, value)
     if image is not None:
         store.load(image)
     store.set(0, BY_NAME["axis_name_crc"].number, axis_name_crc(axis_name))

@@ -90,6 +90,10 @@ class Board:
     """
 
     capabilities: ClassVar[Mapping[str, int]] = CAPABILITIES
+    hardware_type: ClassVar[type[Hardware]] = Hardware
+    """Its drivers and converters."""
+    initial_parameters: ClassVar[Mapping[str, int]] = {}
+    """Its parameters that begin at other values than the table's."""
 
     def __init__(
         self,
@@ -108,9 +112,10 @@ class Board:
         major: int = wire.PROTOCOL_MAJOR,
     ) -> None:
         self.now_us = now_us
-        self.hardware = hardware or Hardware()
+        self.hardware = hardware or self.hardware_type()
         self.parameters = ParameterStore(1)
-        self.parameters.set(0, BY_NAME["state_rate_hz"].number, rate_hz)
+        for name, value in {**self.initial_parameters, "state_rate_hz": rate_hz}.items():
+            self.parameters.set(0, BY_NAME[name].number, value)
         self.image = image
         intact = self._load(image)
         self.supervisor = fastest_supervisor() if supervisor is None else supervisor

@@ -46,7 +46,7 @@ class FirmwareBench(SimulatedBench):
         image = named_image(
             options.get("image") or store.initial_image(rate_hz),
             options.get("axis_name", ""),
-            rate_hz,
+            {"state_rate_hz": rate_hz},
         )
         if image is not None and not self._store_path.exists():
             store.write_image(self._store_path, image)

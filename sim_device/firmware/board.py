@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import socket
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import CODEC
@@ -73,6 +73,9 @@ class FirmwareBoard:
     this reset. start_us: chip time at power-up.
     Raises LinkError when the process does not come up.
     """
+
+    hardware_type = Hardware
+    initial_parameters: ClassVar[Mapping[str, int]] = {}
 
     def __init__(
         self,

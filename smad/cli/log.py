@@ -15,6 +15,7 @@ from smad.cli.output import print_json
 from smad.cli.quantity import Quantity, Whole
 from smad.counted import counted
 from smad.files import display_path, require_writable
+from smad.runlog.formats import FORMATS
 from smad.runlog.paths import newest_run
 from smad.view.terminal.progress import bar
 from smad.view.terminal.tables import print_columns
@@ -126,10 +127,7 @@ def export(
     path: Path | None = _path,
     folder: str = _folder,
     suffix: str = option(
-        "--to",
-        "Format, if --output does not name it.",
-        click.Choice(["csv", "parquet", "mat", "rosbag2", "lerobot"]),
-        default="csv",
+        "--to", "Format, if --output does not name it.", click.Choice(FORMATS), default="csv"
     ),
     output: Path | None = option("-o --output", "File, or folder of a bag, to write.", PATH),
     overwrite: bool = flag("--overwrite", "Replace a file that is there."),

@@ -7,6 +7,7 @@ import msgspec
 from msgspec import Struct
 
 from smad.api import Fault, Status
+from smad.config import HooksConfig
 from smad.queue.states import Snapshot
 from smad.queue.store import Message
 
@@ -64,9 +65,9 @@ class Detector:
     """
 
     def __init__(
-        self, bench: str, *, disk_low_MB: float, known: WatcherState | None = None
+        self, bench: str, config: HooksConfig, *, known: WatcherState | None = None
     ) -> None:
-        self.disk_low_MB = disk_low_MB
+        self._config = config
         self.known = known or WatcherState()
         self._bench = bench
         self._watched = False
@@ -168,13 +169,14 @@ class Detector:
         free_MB = look.free_MB
         if free_MB is None:
             return
-        if free_MB < self.disk_low_MB and not self._disk_told:
+        least_MB = self._config.disk_low_MB
+        if free_MB < least_MB and not self._disk_told:
             self._disk_told = True
             yield self._event(
                 look,
                 "on_disk_low",
-                f"{free_MB:.0f} MB left for run logs, less than {self.disk_low_MB:g} MB",
+                f"{free_MB:.0f} MB left for run logs, less than {least_MB:g} MB",
                 free_MB=free_MB,
             )
-        elif free_MB > self.disk_low_MB * _ROOM_AGAIN:
+        elif free_MB > least_MB * _ROOM_AGAIN:
             self._disk_told = False

@@ -140,7 +140,7 @@ def watch(bench: str, folder: Path | None, say: Say) -> None:
     watcher = Watcher(bench, folder)
     config = watcher.config()
     commands = commands_of(config, say)
-    detector = Detector(bench, disk_low_MB=config.disk_low_MB, known=watcher.known())
+    detector = Detector(bench, config, known=watcher.known())
     written: WatcherState | None = None
     say(f"watching bench {bench}")
     try:

@@ -14,6 +14,7 @@ import numpy as np
 from smad.arrays import Array
 from smad.report.planes import Plane, described
 from smad.style.decimation import Decimation
+from smad.style.palette import known
 
 MOST_POINTS = 12_000
 """Points of a trace that a page holds; of a longer one each stretch keeps its extremes."""
@@ -127,7 +128,7 @@ class _Axes:
         return {
             "label": trace.label,
             "group": trace.group,
-            "pen": trace.pen,
+            "pen": known(trace.pen),
             "dash": trace.dash,
             "x": place,
             # NaN becomes null.

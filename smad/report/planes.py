@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from smad.arrays import Array
 from smad.runlog.cycles import TURN_K, TURN_MM, Cycles
 from smad.style.decimation import stride
+from smad.style.palette import known
 
 MOST_POINTS = 4000
 """Samples of a curve that a page holds; of a longer one every second, third, … stays."""
@@ -157,7 +158,7 @@ class _Values:
         step = stride(curve.x.size, MOST_POINTS)
         return {
             "label": curve.label,
-            "pen": curve.pen,
+            "pen": known(curve.pen),
             "group": curve.group,
             "dash": curve.dash,
             "x": self._place(curve.x, step, plane.x.digits + _MORE_DIGITS),

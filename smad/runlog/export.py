@@ -39,12 +39,12 @@ def export_run(run: Run, target: str | Path, *, overwrite: bool = False) -> list
     that refuses.
     """
     target = Path(target)
-    write = _FORMATS.get(target.suffix)
+    write = WRITERS.get(target.suffix)
     if write is None:
         raise RunLogError(
             f"cannot export to {target.name}: unknown format",
             value=target.suffix or "no suffix",
-            limit=" ".join(_FORMATS),
+            limit=" ".join(WRITERS),
             action="name a file with one of these suffixes",
         )
     if not len(run):
@@ -180,7 +180,7 @@ def _matlab_value(value: Any) -> Any:
     return np.nan if value is None else value
 
 
-_FORMATS: Mapping[str, Callable[[Run, Path], None]] = {
+WRITERS: Mapping[str, Callable[[Run, Path], None]] = {
     ".csv": _write_csv,
     ".parquet": _write_parquet,
     ".mat": _write_mat,

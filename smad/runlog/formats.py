@@ -1,12 +1,18 @@
 """All axes of a run log as files of another program, in any format."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from smad.errors import RunLogError
-from smad.runlog import lerobot, rosbag
-from smad.runlog.export import export_run, side_by_side
-from smad.runlog.reader import Run
+
+if TYPE_CHECKING:
+    from smad.runlog.reader import Run
+
+FORMATS = ("csv", "parquet", "mat", "rosbag2", "lerobot")
+"""What `--to` takes: the suffixes of `export.WRITERS`, and two kinds of folder."""
 
 
 def export_axes(
@@ -23,6 +29,9 @@ def export_axes(
     The suffix of `target` names the format; `kind` "rosbag2" or "lerobot" says it for a folder of
     another name. Raises RunLogError.
     """
+    from smad.runlog import lerobot, rosbag
+    from smad.runlog.export import export_run, side_by_side
+
     if wide and target.suffix not in (".csv", ".parquet"):
         raise RunLogError(
             "several axes in one table make a CSV or Parquet file",
@@ -45,6 +54,8 @@ def export_axes(
 
 def count_in(files: Sequence[Path], runs: Mapping[str, Run]) -> tuple[int, str]:
     """How much was written of the longest run: so many frames of a dataset, else rows."""
+    from smad.runlog import lerobot
+
     if all((file / "meta").is_dir() for file in files):
         return max(map(lerobot.frames_in, files)), "frames"
     return max(map(len, runs.values())), "rows"

@@ -64,6 +64,13 @@ def in_print(name: str) -> str:
     return PALETTE[name].light
 
 
+def known(name: str) -> str:
+    """Return the name of a colour. Raises KeyError for one that is none: a page draws nothing."""
+    if name not in PALETTE:
+        raise KeyError(f"no colour is named {name!r}; there are {', '.join(PALETTE)}")
+    return name
+
+
 def css() -> str:
     """Return the style sheet with all colours and sizes as variables.
 

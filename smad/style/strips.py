@@ -133,7 +133,8 @@ class Channel(Struct, frozen=True, kw_only=True):
 
 NO_QUANTITY = frozenset({"t_s", "host_time_s", "tick", "faults", "warnings", "valid"})
 """Channels of the log that are times, counters of samples or bits: no curve says anything."""
-_DIGITS = {"A": 2, "V": 2, "degC": 1, "mm": 2, "N": 2, "deg": 1, "ms": 2, "1": 2}
+_DIGITS = {"degC": 1, "deg": 1}
+"""After the point, where they are not two."""
 
 
 def _of_strip(strip: Strip, curve: Curve) -> Channel:
@@ -153,8 +154,8 @@ def _of_strip(strip: Strip, curve: Curve) -> Channel:
 
 
 _TITLES = {
-    "i_cmd": "Current commanded",
-    "i_applied": "Current setpoint on the board",
+    "i_cmd_A": "Current commanded",
+    "i_applied_A": "Current setpoint on the board",
     "pump_starts": "Pump starts",
     "drain": "Drain valve",
     "rtd_inlet_degC": "Temperature of the water inlet",
@@ -166,26 +167,28 @@ _TITLES = {
     "limiter": "Number of the board's limiter",
     "setpoint_age_ms": "Age of the setpoint",
 }
-"""Channels that are on no strip, by name or by its part before _x and _y: their titles."""
+"""Channels that are on no strip, by name without _x and _y: their titles."""
 
 
-def _of_log(spec: schema.ChannelSpec) -> Channel:
-    stem = re.sub(r"_[xy](_A)?$", "", spec.name)
-    spring = "" if stem == spec.name else spec.name[len(stem) + 1].upper()
+def in_no_strip(spec: schema.ChannelSpec) -> Channel:
+    """Return how a channel of the log is drawn that no strip begins with."""
+    side = re.search(r"_([xy])(?=_|$)", spec.name)
+    spring = side[1].upper() if side else ""
+    stem = spec.name.replace(side[0], "", 1) if side else spec.name
     usual = spec.description.partition(", ")[0]
     return Channel(
         name=spec.name,
         title=_TITLES.get(stem, f"{usual[0].upper()}{usual[1:]}"),
         label=spring or "measured",
         unit=in_words(spec.unit),
-        digits=_DIGITS.get(spec.unit, 0),
+        digits=_DIGITS.get(spec.unit, 2) if spec.kind == "float" else 0,
         pen=spring.lower() or "main",
     )
 
 
 _OF_STRIPS = {curve.column: _of_strip(strip, curve) for strip in STRIPS for curve in strip.curves}
 CHANNELS = tuple(
-    _OF_STRIPS.get(name) or _of_log(spec)
+    _OF_STRIPS.get(name) or in_no_strip(spec)
     for name, spec in schema.CHANNELS.items()
     if name not in NO_QUANTITY
 )

@@ -13,6 +13,7 @@ from campaign.soak.draws import DRAWN, draw_command
 from campaign.soak.found import LOOKING, Stage, StageResult, Usage, not_logged
 from campaign.soak.report import checks
 from smad import api
+from smad.control.commands import PIECES, Follow
 
 USAGE = [Usage(10.0 * n, 40.0, 28, 6) for n in range(100)]
 GOOD = StageResult(
@@ -96,6 +97,13 @@ def test_a_command_that_the_log_lacks_or_has_too_early_is_found() -> None:
     assert not_logged(acknowledged, [*logged[3:], *logged[:3]]) == ["move {'a': 2}"]
     # Sent twice, logged once.
     assert not_logged([("arm", {}), ("arm", {})], logged) == ["arm {}"]
+
+
+def test_a_soak_draws_every_trajectory() -> None:
+    rng = random.Random(1)
+    moves = [DRAWN["move"].draw(rng) for _ in range(200)]
+    pieces = [p for move in moves if isinstance(move, Follow) for p in move.trajectories]
+    assert set(map(type, pieces)) == set(PIECES)
 
 
 def test_every_method_can_be_drawn_and_what_is_no_command_is_named() -> None:

@@ -215,6 +215,174 @@ KEY = Recipe(
     ),
 )
 
+CHANNEL = Recipe(
+    "channel",
+    (
+        Insert(
+            "its field",
+            "smad/runlog/schema.py",
+            """\
+    heat_x_W: Annotated[float | None, _of("W", "i_meas, v", "heat into the wire, X")] = None
+    heat_y_W: Annotated[float | None, _of("W", "i_meas, v", "heat into the wire, Y")] = None
+""",
+            before="    duty_x: Annotated[\n",
+        ),
+        Insert(
+            "its value",
+            "smad/runlog/rows.py",
+            """        heat_x_W=sample.i_meas_A[0] * sample.v_V[0],
+        heat_y_W=sample.i_meas_A[1] * sample.v_V[1],
+""",
+            before="        duty_x=",
+        ),
+        Generate(),
+    ),
+    (
+        "tests/smad/runlog/test_schema.py",
+        "tests/smad/daemon/test_control.py::test_a_step_is_followed_and_recorded_samples_say_so",
+        "tests/smad/view/test_forms_and_state.py",
+    ),
+)
+
+IMPORT = Recipe(
+    "file format of records",
+    (
+        Insert(
+            "its line in _OPEN",
+            "smad/records/tables.py",
+            '    ".tab": open_csv,\n',
+            before='    **dict.fromkeys((".csv"',
+        ),
+        Insert("the guide", "docs/guide/run-logs.md", "TAB, ", before="LVM and gzipped"),
+    ),
+    ("tests/smad/records/test_tables.py",),
+)
+
+EXPORT = Recipe(
+    "format of an export",
+    (
+        Insert(
+            "what writes it",
+            "smad/runlog/export.py",
+            """def _write_npz(run: Run, path: Path) -> None:
+    with path.open("wb") as file:
+        np.savez_compressed(file, header=np.array(header_document(run)), **_used(run))
+
+
+""",
+            before="WRITERS: Mapping[",
+        ),
+        Insert(
+            "its row in WRITERS",
+            "smad/runlog/export.py",
+            '    ".npz": _write_npz,\n',
+            before='    ".mat": _write_mat,\n',
+        ),
+        Insert("its name", "smad/runlog/formats.py", '"npz", ', before='"mat", "rosbag2"'),
+        Insert(
+            "the guide",
+            "docs/guide/run-logs.md",
+            "| `.npz` | an array for each channel | `header` (JSON text) |\n",
+            before="| `.mat` | ",
+        ),
+    ),
+    ("tests/smad/runlog/test_export_import.py", "tests/smad/runlog/test_log_commands.py"),
+)
+
+HOOK = Recipe(
+    "event of the hooks",
+    (
+        Insert("its name", "smad/hooks/events.py", '"on_room_hot", ', before='"on_disk_low"]'),
+        Insert(
+            "when it happens",
+            "smad/hooks/events.py",
+            """    def _of_room(self, look: Observation) -> Iterator[Event]:
+        sample = None if look.status is None else look.status.sample
+        degC = None if sample is None else sample.rtd_ambient_degC
+        hot = degC is not None and degC > self._config.room_hot_degC
+        if hot and not self._room_told:
+            yield self._event(look, "on_room_hot", f"the room has {degC:.1f} °C")
+        self._room_told = hot
+
+""",
+            before="    def _of_disk(",
+        ),
+        Insert(
+            "what was told",
+            "smad/hooks/events.py",
+            "        self._room_told = False\n",
+            before="        self._runner_told = False\n",
+        ),
+        Insert(
+            "its call",
+            "smad/hooks/events.py",
+            "*self._of_room(look), ",
+            before="*self._of_disk(look)]",
+        ),
+        Insert(
+            "its keys",
+            "smad/config/hooks.py",
+            """\
+    on_room_hot: Annotated[Command, about("the room is warmer than `room_hot_degC`")] = ()
+    room_hot_degC: Annotated[float, between(-40.0, 200.0, "temperature of the room")] = 35.0
+""",
+            before="    timeout_s: ",
+        ),
+        Insert(
+            "its test",
+            "tests/smad/hooks/test_events.py",
+            """def test_a_hot_room_is_told_once() -> None:
+    sample = Telemetry(timestamp=1.0, sequence=1, t_s=1.0, rtd_ambient_degC=40.0)
+    hot = msgspec.structs.replace(STATUS, sample=sample)
+    assert [event for event, _ in told(look(0), look(1, hot), look(2, hot))] == ["on_room_hot"]
+
+
+""",
+            before="def test_every_event_has_its_key",
+        ),
+        Insert(
+            "the test's import",
+            "tests/smad/hooks/test_events.py",
+            "    Telemetry,\n",
+            before="    Timing,\n",
+        ),
+    ),
+    ("tests/smad/hooks/test_events.py", "tests/smad/test_config.py"),
+)
+
+FAULT = Recipe(
+    "fault to inject",
+    (
+        Insert(
+            "its row",
+            "sim_device/faults.py",
+            """\
+    FaultKind("driver_locked", "actuator", "a driver locks itself", _driver("open"), None, _X,
+              (Fault.DRIVER_OPEN,), 2.0),
+""",
+            before='    FaultKind("wire_cut"',
+        ),
+        Insert(
+            "its row in the campaign",
+            "campaign/faults/catalogue.py",
+            """\
+    _of("driver_locked", Then.STOPS, _X, must=frozenset({"heating", "water", "air"})),
+""",
+            before='    _of("wire_cut"',
+        ),
+        Insert(
+            "its case",
+            "tests/sim_device/test_faults.py",
+            '    "driver_locked": ({}, FULL),\n',
+            before='    "wire_cut": (',
+        ),
+    ),
+    (
+        "tests/sim_device/test_faults.py",
+        "tests/campaign/test_lockstep.py::test_every_fault_of_the_device_is_in_the_campaign",
+    ),
+)
+
 CHECK = Recipe(
     "safety check",
     (
@@ -347,9 +515,25 @@ TRAJECTORY = Recipe(
             "    Triangle,\n",
             before=")\nfrom smad.control.trajectories import KINDS",
         ),
+        Insert(
+            "an example for the soak",
+            "campaign/soak/draws.py",
+            "        lambda: Triangle(displacement_mm=_place(rng), rate_mm_per_s=5.0),\n",
+            before="        lambda: Sine(\n",
+        ),
+        Insert(
+            "its import in the soak",
+            "campaign/soak/draws.py",
+            "    Triangle,\n",
+            before="    Tune,\n",
+        ),
         Generate(),
     ),
-    ("tests/smad/control/test_trajectories.py", "tests/smad/cli/test_move.py"),
+    (
+        "tests/smad/control/test_trajectories.py",
+        "tests/smad/cli/test_move.py",
+        "tests/campaign/test_soak.py::test_a_soak_draws_every_trajectory",
+    ),
 )
 
 COMMAND = Recipe(
@@ -546,4 +730,7 @@ EFFECT = Recipe(
     shows=("tests.recipes.effect_shows", "force_curve", "force_N"),
 )
 
-RECIPES = (REQUEST, NEWS, BOARD, KEY, CHECK, TRAJECTORY, COMMAND, EXPERIMENT, EFFECT)
+RECIPES = (
+    REQUEST, NEWS, BOARD, KEY, CHANNEL, IMPORT, EXPORT, HOOK, FAULT, CHECK, TRAJECTORY, COMMAND,
+    EXPERIMENT, EFFECT,
+)  # fmt: skip

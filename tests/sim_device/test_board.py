@@ -2,7 +2,8 @@
 
 import itertools
 import shutil
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import msgspec
 import pytest
@@ -20,11 +21,13 @@ from firmware_protocol.enums import (
 )
 from firmware_protocol.events import Connected, HostState
 from firmware_protocol.parameters import BY_NAME
-from firmware_protocol.supervisor import Supervisor
+from firmware_protocol.supervisor import Measurements, Memory, Supervisor
 from firmware_protocol.supervisor.compiled import CompiledSupervisor
 from sim_device.bench import SimulatedBench
 from sim_device.board import Board
 from sim_device.faults import injection
+from sim_device.hardware import Hardware
+from sim_device.plant import Readings
 from sim_device.plant.errors import InputError
 
 from .loop import Loop, hold
@@ -359,3 +362,27 @@ def test_readings_are_whole_counts_of_what_the_plant_shows() -> None:
     assert abs(state.rtd_cC[0] - (truth.T_K[0] - 273.15) * 100) < 15
     assert abs(state.encoder_counts - truth.displacement_m * 1e6) < 15
     assert abs(state.force_counts - truth.force_N * 1e3) < 15
+
+
+class CoarseHardware(Hardware):
+    """Converters of 10 mA a count."""
+
+    def measure(self, r: Readings, s: Memory, m: Measurements, dt_s: float) -> None:
+        super().measure(r, s, m, dt_s)
+        m.i_mA[:] = [round(i, -1) for i in m.i_mA]
+
+
+class SmallBoard(Board):
+    """A driver of 3 A, and coarse converters."""
+
+    hardware_type = CoarseHardware
+    initial_parameters: ClassVar[Mapping[str, int]] = {"current_limit_mA": 3000}
+
+
+@pytest.mark.parametrize("axis_name", ["", "left"])
+def test_another_board_has_its_own_driver_and_converters(axis_name: str) -> None:
+    loop = Loop(SimulatedBench(board_type=SmallBoard, axis_name=axis_name)).armed()
+    loop.answer = hold(4000)
+    loop.step(50)
+    assert max(state.i_applied_mA[0] for state in loop.states) == 3000
+    assert {i % 10 for state in loop.states for i in state.i_meas_mA} == {0}

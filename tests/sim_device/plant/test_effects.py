@@ -34,6 +34,8 @@ RESOLVED = {
     "force": ({"force_N"}, 1e-3),
 }
 
+READINGS = [reading for channels, _ in RESOLVED.values() for reading in channels]
+
 
 def variant_of(name):
     return dict(effect(name).needs).get("variant", ("extended",))[0]
@@ -122,6 +124,8 @@ def test_a_pair_that_nobody_drives_stays_as_it_was_mounted_with_each_effect(name
     for wire in ("T_x_K", "T_y_K"):
         assert np.abs(out[wire] - P["ambient_temperature"]).max() < 0.05
     assert np.abs(out["true_displacement_m"]).max() < 5e-6
+    if name != "ambient_drift":
+        assert [r for r in READINGS if np.ptp(out[r]) > 1e-6] == [], "start its state at rest"
 
 
 @pytest.mark.parametrize("name", NAMES)

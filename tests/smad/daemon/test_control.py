@@ -14,6 +14,7 @@ from smad.control.controller import Output
 from smad.control.sample import Sample
 from smad.daemon.link.port import SocketTransport
 from smad.runlog.rows import row_of
+from smad.runlog.schema import CHANNELS
 from tests.smad.daemon.rig import rig_in
 
 
@@ -59,6 +60,7 @@ async def test_a_step_is_followed_and_recorded_samples_say_so(tmp_path: Path) ->
             pump_starts=last.pump_starts,
         )
         assert row.displacement_mm == pytest.approx(motion["displacement_mm"], abs=0.1)
+        assert {name for name in CHANNELS if getattr(row, name) is None} == {"stage_mm"}
         assert len(repr(row.displacement_mm)) <= len("-9.999999")
         assert row.pump_starts_x == 0
         assert row.pump_starts_y in (1, 2, 3)

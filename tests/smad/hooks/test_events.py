@@ -14,7 +14,9 @@ from smad.api import (
     Status,
     Timing,
 )
+from smad.config import HooksConfig
 from smad.hooks.events import MOST_AT_ONCE, SILENT_S, Detector, Event, Observation
+from smad.hooks.watch import HOOKS
 from smad.queue.states import Arming, Item, Snapshot, State
 from smad.queue.store import Message
 
@@ -86,7 +88,7 @@ def look(at_s: float, status: Status | None = STATUS, **more: object) -> Observa
 
 
 def told(*looks: Observation) -> list[tuple[str, str]]:
-    detector = Detector("bench", disk_low_MB=2000.0)
+    detector = Detector("bench", HooksConfig())
     return [(e.event, e.text) for each in looks for e in detector.events(each)]
 
 
@@ -113,7 +115,7 @@ def test_a_stop_by_another_client_is_told_and_a_programs_own_disarm_is_not() -> 
 def test_a_daemon_that_is_silent_is_told_after_its_time_and_only_once() -> None:
     silent = [look(0.1 * n, None) for n in range(1, 40)]
     assert [event for event, _ in told(look(0), *silent)] == ["on_link_lost"]
-    detector = Detector("bench", disk_low_MB=2000.0)
+    detector = Detector("bench", HooksConfig())
     detector.events(look(0))
     assert detector.events(look(SILENT_S - 0.1, None)) == []
     assert len(detector.events(look(SILENT_S, None))) == 1
@@ -132,14 +134,21 @@ def message(number: int) -> Message:
     return Message(id=number, unix_s=1.0, event="item_ended", text=text, item=number)
 
 
+def test_every_event_has_its_key_in_the_configuration() -> None:
+    keys = HooksConfig.__struct_fields__
+    assert {key for key in keys if key.startswith("on_")} == set(HOOKS)
+
+
 def test_every_message_of_the_queue_is_told() -> None:
-    (event,) = Detector("bench", disk_low_MB=0.0).events(look(0, messages=(message(1),)))
+    (event,) = Detector("bench", HooksConfig(disk_low_MB=0.0)).events(
+        look(0, messages=(message(1),))
+    )
     assert (event.event, event.text, event.unix_s) == ("on_queue_end", "item 1 (x) done", 1.0)
 
 
 def test_many_messages_at_once_are_one_word_that_holds_them_all() -> None:
     messages = tuple(map(message, range(1, MOST_AT_ONCE + 2)))
-    (event,) = Detector("bench", disk_low_MB=0.0).events(look(0, messages=messages))
+    (event,) = Detector("bench", HooksConfig(disk_low_MB=0.0)).events(look(0, messages=messages))
     assert event.text == "6 messages, the last: item 6 (x) done"
     assert event.data["messages"] == [each.text for each in messages]
 
@@ -162,11 +171,11 @@ FAULTED = motion(armed=False, mode="FAULT", generation=4, ended="stopped by a fa
 def test_a_watcher_that_was_away_tells_what_happened_meanwhile_and_the_next_one_not_again(
     after: Status, expected: list[str]
 ) -> None:
-    first = Detector("bench", disk_low_MB=0.0)
+    first = Detector("bench", HooksConfig(disk_low_MB=0.0))
     first.events(look(0))
-    second = Detector("bench", disk_low_MB=0.0, known=first.known)
+    second = Detector("bench", HooksConfig(disk_low_MB=0.0), known=first.known)
     assert [event.text for event in second.events(look(100, after))] == expected
-    third = Detector("bench", disk_low_MB=0.0, known=second.known)
+    third = Detector("bench", HooksConfig(disk_low_MB=0.0), known=second.known)
     assert third.events(look(200, after)) == []
 
 

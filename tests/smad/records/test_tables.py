@@ -15,9 +15,11 @@ from smad.errors import LogImportError, RunLogError
 from smad.records.channels import MappingFile, read_channels
 from smad.records.column_names import ColumnRule
 from smad.records.importer import import_table
+from smad.records.tables import KINDS
 from smad.runlog.bounds import Together
 from smad.runlog.reader import read_run
 
+GUIDE = Path(__file__).resolve().parents[3] / "docs" / "guide" / "run-logs.md"
 N = 40
 MOST_TIMES = 3.0
 """Memory that reading a table takes, over that of its numbers."""
@@ -44,10 +46,11 @@ def write(path: Path, names: list[str], values: list[Any]) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", ["a.parquet", "a.csv", "a.csv.gz"])
-def test_a_table_of_any_kind_gives_the_same_channels(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_table_of_any_kind_gives_the_same_channels(kind: str, tmp_path: Path) -> None:
+    assert kind.split(".")[1] in GUIDE.read_text().lower()
     table = columns()
-    found = read_channels(write(tmp_path / name, list(table), list(table.values()))).columns
+    found = read_channels(write(tmp_path / f"a{kind}", list(table), list(table.values()))).columns
     assert found.keys() == table.keys()
     for channel, values in table.items():
         np.testing.assert_allclose(found[channel], values)

@@ -18,6 +18,7 @@ from smad.cli.log import log
 from smad.errors import RunLogError
 from smad.report.page import Page, Section, render
 from smad.report.panels import Panel, Panels, Trace
+from smad.report.planes import Curve, Plane, Quantity
 from smad.report.runs import elapsed_s, page_of, panels_of, run_parts
 from smad.runlog.reader import read_run
 from smad.runlog.writer import write_run
@@ -102,6 +103,16 @@ def test_each_quantity_has_an_axis_of_its_own_and_voltages_wait(tmp_path: Path) 
         ("mm", False), ("N", False), ("°C", False), ("%", False), ("V", True),
     ]  # fmt: skip
     assert panels[3].traces[0].y.max() == 50.0
+
+
+def test_a_pen_that_is_no_colour_is_refused() -> None:
+    one = np.zeros(1)
+    place = Quantity("force", "N", 2, 0.0)
+    plane = Plane("loop", place, place, [Curve(label="loop", x=one, y=one, pen="leek")])
+    panel = Panel("force", "N", 2, [Trace("force", one, one, "leek")])
+    for block in (Panels([panel]), Panels([], planes=[plane])):
+        with pytest.raises(KeyError, match="no colour is named 'leek'; there are back, "):
+            block.as_json()
 
 
 def test_a_part_keeps_its_time_and_an_empty_one_is_refused(tmp_path: Path) -> None:

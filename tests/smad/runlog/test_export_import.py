@@ -14,12 +14,15 @@ from smad.records.channels import read_mapping
 from smad.records.column_names import ALIASES
 from smad.records.importer import import_table
 from smad.records.units import convert
-from smad.runlog.export import export_run
+from smad.runlog.export import WRITERS, export_run
+from smad.runlog.formats import FORMATS
 from smad.runlog.reader import Run, read_run
 from smad.runlog.schema import CHANNELS, LEGENDS, Event
 from smad.units import units_for
 
 from .helpers import HEADER, write_small_run
+
+GUIDE = Path(__file__).resolve().parents[3] / "docs" / "guide" / "run-logs.md"
 
 
 @pytest.fixture
@@ -126,9 +129,15 @@ def test_octave_reads_the_events_of_a_matlab_file_whatever_their_letters(
     assert msgspec.json.decode(events)[-1]["text"] == "ARMED → SAFE"
 
 
-@pytest.mark.parametrize("name", ["out.csv", "out.parquet", "out.mat"])
-def test_an_export_overwrites_only_when_told_to(tmp_path: Path, run: Run, name: str) -> None:
-    target = tmp_path / name
+def test_every_format_can_be_asked_for_and_is_in_the_guide() -> None:
+    assert (*(suffix[1:] for suffix in WRITERS), "rosbag2", "lerobot") == FORMATS
+    guide = GUIDE.read_text()
+    assert [suffix for suffix in WRITERS if f"| `{suffix}` |" not in guide] == []
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_an_export_overwrites_only_when_told_to(tmp_path: Path, run: Run, suffix: str) -> None:
+    target = tmp_path / f"out{suffix}"
     target.write_text("mine")
     with pytest.raises(RunLogError, match="is there already"):
         export_run(run, target)

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from smad.cli.log import log
 from smad.errors import RunLogError, SmadError
+from smad.runlog.export import WRITERS
 from smad.runlog.reader import read_run
 from smad.runlog.schema import Event
 from smad.runlog.writer import write_run
@@ -111,7 +112,7 @@ def test_show_takes_the_newest_run_and_names_channels_and_events(folder: Path) -
     assert summary["seed"] == 7
 
 
-@pytest.mark.parametrize("suffix", ["csv", "parquet", "mat"])
+@pytest.mark.parametrize("suffix", [suffix[1:] for suffix in WRITERS])
 def test_export_writes_beside_the_log(folder: Path, suffix: str) -> None:
     path = folder / "20261120-050709-first.mcap"
     assert "100 rows to" in output("export", path, "--to", suffix)

@@ -12,7 +12,7 @@ from smad.config import AxisConfig, Config, ControlConfig
 from smad.control.commands import Samples, Trajectory, Tune
 from smad.control.controller import Controller
 from smad.control.inforce import tune_of
-from smad.runlog.schema import CHANNELS, Row
+from smad.runlog.schema import CHANNELS, ChannelSpec, Row
 from smad.style import strips
 from smad.view import commands, forms, page, state
 from smad.view.queries import Queries
@@ -71,6 +71,24 @@ def test_every_quantity_of_the_log_is_a_channel_and_the_first_strips_have_theirs
     shown = {name for names in (*strips.LAYOUT, *strips.XY_LAYOUT) for name in names}
     assert shown <= set(strips.PLACES)
     assert all(channel.title and channel.label for channel in strips.CHANNELS)
+
+
+def test_a_channel_of_any_unit_is_drawn_with_decimals_and_as_its_springs() -> None:
+    heat = ChannelSpec("heat_y_W", "W", "float", "heat into the wire, Y", "STATE")
+    drawn = strips.in_no_strip(heat)
+    assert (drawn.title, drawn.label, drawn.pen, drawn.digits) == (
+        "Heat into the wire",
+        "Y",
+        "y",
+        2,
+    )
+
+
+@pytest.mark.parametrize("name", [name for name in strips.PLACES if "_x" in name])
+def test_the_channels_of_both_springs_have_one_title(name: str) -> None:
+    x, y = (strips.CHANNELS[strips.PLACES[n]] for n in (name, name.replace("_x", "_y")))
+    assert x.title == y.title, "end their descriptions with `, X` and `, Y`"
+    assert (x.label, y.label) == ("X", "Y")
 
 
 def test_limits_are_those_of_the_configuration() -> None:
