@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from smad.arrays import Array
 from smad.runlog.cycles import TURN_K, TURN_MM, Cycles
-from smad.style.decimation import stride
+from smad.style.decimation import pauses, stride
 from smad.style.palette import known
 
-MOST_POINTS = 4000
+MOST_POINTS = 12_000
 """Samples of a curve that a page holds; of a longer one every second, third, … stays."""
 _T_DIGITS = 2
 _MORE_DIGITS = 1
@@ -129,7 +129,8 @@ def cycles_of(columns: Mapping[str, Any]) -> NDArray[np.int64]:
 def described(planes: Sequence[Plane]) -> tuple[list[dict[str, Any]], list[list[float]]]:
     """Return the planes for a page, and the values that their curves name by place.
 
-    Values are thinned by leaving samples out, so that those of one moment stay together.
+    Values are thinned by leaving samples out, so that those of one moment stay together. A pause
+    in time breaks the curve.
     """
     values = _Values()
     return [
@@ -156,24 +157,39 @@ class _Values:
 
     def describe(self, curve: Curve, plane: Plane) -> dict[str, Any]:
         step = stride(curve.x.size, MOST_POINTS)
+        breaks = np.zeros(0, np.int64)
+        if curve.t is not None:
+            breaks = np.unique(-(-pauses(curve.t) // step))
+            breaks = breaks[breaks < -(-curve.x.size // step)]
         return {
             "label": curve.label,
             "pen": known(curve.pen),
             "group": curve.group,
             "dash": curve.dash,
-            "x": self._place(curve.x, step, plane.x.digits + _MORE_DIGITS),
-            "y": self._place(curve.y, step, plane.y.digits + _MORE_DIGITS),
-            "t": self._place(curve.t, step, _T_DIGITS),
-            "cycle": self._place(curve.cycle, step, 0),
+            "x": self._place(curve.x, step, plane.x.digits + _MORE_DIGITS, breaks),
+            "y": self._place(curve.y, step, plane.y.digits + _MORE_DIGITS, breaks),
+            "t": self._place(curve.t, step, _T_DIGITS, breaks, broken=False),
+            "cycle": self._place(curve.cycle, step, 0, breaks, broken=False),
         }
 
-    def _place(self, column: Any, step: int, digits: int) -> int | None:
+    def _place(
+        self,
+        column: Any,
+        step: int,
+        digits: int,
+        breaks: NDArray[np.int64],
+        *,
+        broken: bool = True,
+    ) -> int | None:
+        """The place of a column with a point more at each break: NaN, or the value before it."""
         if column is None:
             return None
         if id(column) not in self._places:
             # The column is kept, so that no other gets its id.
             self._places[id(column)] = (len(self.lists), column)
-            self.lists.append(np.round(column[::step], digits).tolist())
+            kept = np.round(column[::step], digits)
+            filled = np.nan if broken else kept[breaks - 1]
+            self.lists.append(np.insert(kept, breaks, filled).tolist())
         return self._places[id(column)][0]
 
 

@@ -93,12 +93,15 @@ def _saved(figure: Figure, kind: str, without: tuple[str, ...]) -> bytes:
     return buffer.getvalue()
 
 
-def decimated(t: ArrayLike, y: ArrayLike, most: int = 1600) -> tuple[Array, Array]:
+def decimated(
+    t: ArrayLike, y: ArrayLike, most: int = 1600, long_pause: float = math.inf
+) -> tuple[Array, Array]:
     """At most `most` points that look the same: the extremes of each stretch.
 
-    `t` and `y` of shape (n,). Gaps (nan in `y`) stay gaps.
+    `t` and `y` of shape (n,). Gaps (nan in `y`) stay gaps; a step of `t` of `long_pause` times the
+    usual one is a gap, too.
     """
-    cut = Decimation(np.asarray(t, float), most, math.inf)
+    cut = Decimation(np.asarray(t, float), most, long_pause)
     return cut.x, cut.thinned(np.asarray(y, float))
 
 

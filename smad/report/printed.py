@@ -8,6 +8,7 @@ from smad.extras import part
 from smad.files import named_output, require_writable
 from smad.report.panels import Panel, Panels
 from smad.report.plots import HOUSE_STYLE, decimated
+from smad.style.decimation import LONG_PAUSE
 from smad.style.palette import in_print
 
 FORMATS = ("pdf", "png", "svg")
@@ -17,6 +18,7 @@ _MM_PER_INCH = 25.4
 _UNDATED: Any = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
 """Metadata by kind: the same figure gives the same file."""
 _POINTS = 8.0
+_DASH_Y = (6, 3)
 _STYLE: dict[str, Any] = {
     **HOUSE_STYLE,
     "font.size": _POINTS,
@@ -62,8 +64,10 @@ def write_figure(panels: Panels, path: Path, *, width_mm: float = 85.0) -> Path:
 
 def _draw(axes: Any, panel: Panel) -> None:
     for trace in panel.traces:
-        x, y = decimated(trace.x, trace.y)
-        style: Any = (0, [0.5 * px for px in trace.dash]) if trace.dash else "-"
+        x, y = decimated(trace.x, trace.y, long_pause=LONG_PAUSE)
+        # On paper the springs differ without colours, too.
+        dash = trace.dash or (_DASH_Y if trace.pen == "y" else ())
+        style: Any = (0, [0.5 * px for px in dash]) if dash else "-"
         axes.plot(
             x, y, linestyle=style, linewidth=0.9, color=in_print(trace.pen), label=trace.label
         )

@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smad.arrays import Array
 
@@ -21,6 +22,13 @@ def in_order(low: Array, high: Array, first: Array, last: Array) -> Array:
     return _alternating(np.where(rising, low, high), np.where(rising, high, low))
 
 
+def pauses(x: Array, long_pause: float = LONG_PAUSE) -> NDArray[np.int64]:
+    """Return where `x` of shape (n,) goes on after a step of `long_pause` times the usual one."""
+    steps = np.diff(x)
+    usual = float(np.median(steps)) if steps.size else 0.0
+    return np.flatnonzero(steps > (long_pause * usual if usual > 0.0 else np.inf)) + 1
+
+
 class Decimation:
     """How an axis `x` of n samples is thinned: two points a stretch, and a break at each pause.
 
@@ -29,19 +37,15 @@ class Decimation:
     """
 
     def __init__(self, x: Array, most: int, long_pause: float = LONG_PAUSE) -> None:
-        steps = np.diff(x)
-        usual = float(np.median(steps)) if steps.size else 0.0
-        pauses = (
-            np.flatnonzero(steps > long_pause * usual) + 1 if usual > 0.0 else np.array([], int)
-        )
+        paused = pauses(x, long_pause)
         self._whole = x.size <= most
         if self._whole:
             self._starts = np.arange(x.size)
-            self._breaks = pauses
+            self._breaks = paused
             points = x
         else:
             step = stride(2 * x.size, most)
-            pieces = pairwise([0, *pauses.tolist(), x.size])
+            pieces = pairwise([0, *paused.tolist(), x.size])
             starts = [np.arange(begin, end, step) for begin, end in pieces]
             self._starts = np.concatenate(starts)
             self._breaks = 2 * np.cumsum([piece.size for piece in starts])[:-1]

@@ -108,7 +108,7 @@ class AccessControl:
             return Admitted()
         return Denied(
             HTTPStatus.UNAUTHORIZED,
-            "This page needs the link that `smad view` printed, with its token.",
+            "Open the link that `smad view` printed when it was last started: older ones expired.",
         )
 
     def _is_ours(self, origin: str) -> bool:

@@ -20,11 +20,22 @@ export function setText(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
-// An axis that follows the page's colours; `more` is what else uPlot is to know of it, such as its size.
+// How many digits tell numbers apart that are steps of `step`.
+export function decimals(step) {
+  for (let digits = 0; digits < 12; digits += 1) {
+    const whole = step * 10 ** digits;
+    if (whole > 0.5 && Math.abs(whole - Math.round(whole)) < 1e-6) return digits;
+  }
+  return 12;
+}
+
+// An axis that follows the page's colours, its numbers written as everywhere on the page and not as the
+// browser's language has them; `more` is what else uPlot is to know of it, such as its size.
 export function axis(more = {}) {
   const lines = { stroke: () => css("--line"), width: 1 };
   return { stroke: () => css("--quiet"), font: FONT, grid: lines, ticks: lines,
-    labelSize: 20, labelGap: 2, labelFont: FONT, ...more };
+    labelSize: 20, labelGap: 2, labelFont: FONT,
+    values: (plot, splits, index, space, step) => splits.map((value) => shown(value, decimals(step))), ...more };
 }
 
 // A line of a plot in one of the palette's colours; `dash` are lengths of line and gap.

@@ -1,12 +1,13 @@
 // A figure for paper: panels over one axis, or a plane, as SVG, PDF and PNG. A sheet is a list of
 // lines and texts in points; each format writes that list. Colours are those of print.
 
-import { css, element } from "./plots.js";
+import { css, decimals, element, shown } from "./plots.js";
 
 const MM = 72 / 25.4;
 export const WIDTHS_MM = { "one column": 85, "two columns": 175 };
 const PANEL_PT = 90;
 const ROOM = { left: 40, right: 8, top: 16, bottom: 14, label: 14 };
+const KEY = { row: 10, sample: 12, gap: 3, between: 8 };
 const SIZE_PT = 8;
 const LINE_PT = 0.9;
 const TICKS = 5;
@@ -26,16 +27,59 @@ function inPrint(make) {
 
 const penOf = (name) => css(`--${name}`);
 
-// Round values within a range, at steps of 1, 2 or 5.
+// Round values within a range, at steps of 1, 2 or 5, and how they are written.
 export function ticks(low, high, most = TICKS) {
   const rough = (high - low) / most;
-  if (!(rough > 0)) return [low];
+  if (!(rough > 0)) return [[low, String(low)]];
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map((times) => times * power).find((candidate) => candidate >= rough);
-  const digits = Math.max(0, -Math.floor(Math.log10(step)));
+  const digits = decimals(step);
   const found = [];
-  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k += 1) found.push(Number((k * step).toFixed(digits)));
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k += 1) found.push([k * step, shown(k * step, digits)]);
   return found;
+}
+
+// On paper the springs differ without colours, too.
+const dashOf = ({ pen, dash = [] }) => (pen === "y" && !dash.length ? [3, 1.5] : dash);
+
+// The part of a line between two points that lies in a box; null where none does.
+function inside([x0, y0], [x1, y1], { left, right, up, down }) {
+  let [from, to] = [0, 1];
+  for (const [along, room] of [[x0 - x1, x0 - left], [x1 - x0, right - x0], [y0 - y1, y0 - up], [y1 - y0, down - y0]]) {
+    if (along === 0 && room < 0) return null;
+    if (along < 0) from = Math.max(from, room / along);
+    if (along > 0) to = Math.min(to, room / along);
+  }
+  const at = (share) => [x0 + share * (x1 - x0), y0 + share * (y1 - y0)];
+  return from > to ? null : [from > 0 ? at(from) : [x0, y0], to < 1 ? at(to) : [x1, y1]];
+}
+
+// The polylines of points within a box; null breaks a line.
+function partsInside(points, box) {
+  const parts = [];
+  let [last, open] = [null, null];
+  for (const point of points) {
+    const part = last && point && inside(last, point, box);
+    if (part && part[0].join() === open) parts[parts.length - 1].push(part[1]);
+    else if (part) parts.push(part);
+    open = part ? part[1].join() : null;
+    last = point;
+  }
+  return parts;
+}
+
+// The key of lines, in rows that are `room` wide: of each its place from the left, its row, its sample's width.
+function keyOf(lines, room) {
+  let [x, row] = [0, 0];
+  return lines.filter(({ label }) => label).map((line) => {
+    // What has a colour of its own is one of many, such as a cycle: its name has that colour.
+    const sample = line.colour ? 0 : KEY.sample + KEY.gap;
+    const width = sample + widthOf(line.label);
+    if (x && x + width > room) [x, row] = [0, row + 1];
+    const place = { line, x, row, sample, end: x + width };
+    x += width + KEY.between;
+    return place;
+  });
 }
 
 // `boxes`: [{title, unit, x: [low, high], y: [low, high], lines: [{x, y, pen, dash, label}]}] of one
@@ -48,35 +92,40 @@ export function sheetOf(boxes, xLabel, widthMm, heightPt = PANEL_PT) {
   let top = 0;
   boxes.forEach((box, n) => {
     const [left, right] = [ROOM.left, width - ROOM.right];
-    const [up, down] = [top + ROOM.top, top + ROOM.top + heightPt];
+    const title = `${box.title}${box.unit ? ` (${box.unit})` : ""}`;
+    // Beside the title where it fits in one row, or else below it.
+    const beside = keyOf(box.lines, Infinity);
+    const keyWidth = Math.max(0, ...beside.map(({ end }) => end));
+    const fits = widthOf(title) + KEY.between + keyWidth <= right - left;
+    const key = fits ? beside : keyOf(box.lines, right - left);
+    const rows = fits ? 0 : Math.max(...key.map(({ row }) => row)) + 1;
+    const [up, down] = [top + ROOM.top + KEY.row * rows, top + ROOM.top + KEY.row * rows + heightPt];
     const px = (value) => left + ((value - box.x[0]) / (box.x[1] - box.x[0] || 1)) * (right - left);
     const py = (value) => down - ((value - box.y[0]) / (box.y[1] - box.y[0] || 1)) * (down - up);
     const grid = penOf("line");
-    for (const value of ticks(...box.y)) {
+    for (const [value, words] of ticks(...box.y)) {
       path([[left, py(value)], [right, py(value)]], grid, 0.4);
-      text(left - 3, py(value) + SIZE_PT / 3, String(value).replace("-", "−"), "right");
+      text(left - 3, py(value) + SIZE_PT / 3, words, "right");
     }
     const lowest = n === boxes.length - 1;
-    for (const value of ticks(...box.x, box.ticks ?? 7)) {
+    for (const [value, words] of ticks(...box.x, box.ticks ?? 7)) {
       path([[px(value), down], [px(value), up]], grid, 0.4);
-      if (lowest) text(px(value), down + SIZE_PT + 2, (box.format ?? String)(value).replace("-", "−"), "centre");
+      if (lowest) text(px(value), down + SIZE_PT + 2, words, "centre");
     }
     path([[left, up], [left, down], [right, down]], penOf("text"), 0.6);
-    text(left, up - 5, `${box.title}${box.unit ? ` (${box.unit})` : ""}`);
-    let at = right;
-    for (const line of [...box.lines].reverse().filter(({ label }) => label)) {
-      text(at, up - 5, line.label, "right", line.colour ?? penOf(line.pen));
-      at -= line.label.length * SIZE_PT * 0.55 + 8;
+    text(left, up - 5 - KEY.row * rows, title);
+    for (const { line, x, row, sample } of key) {
+      const [from, level] = [fits ? right - keyWidth + x : left + x, up - 5 - KEY.row * Math.max(0, rows - 1 - row)];
+      if (sample) path([[from, level - 3], [from + KEY.sample, level - 3]], penOf(line.pen), LINE_PT, dashOf(line));
+      text(from + sample, level, line.label, "left", line.colour);
     }
     for (const line of box.lines) {
-      let part = [];
-      const end = () => { if (part.length > 1) path(part, line.colour ?? penOf(line.pen), LINE_PT, line.dash ?? []); part = []; };
+      const points = [];
       line.y.forEach((y, i) => {
-        const x = line.x[i];
-        if (y == null || x == null || x < box.x[0] || x > box.x[1]) { if (y !== undefined) end(); return; }
-        part.push([px(x), Math.min(Math.max(py(y), up), down)]);
+        // Of another run's sample there is no value here, and no break.
+        if (y !== undefined) points.push(y === null || line.x[i] == null ? null : [px(line.x[i]), py(y)]);
       });
-      end();
+      for (const part of partsInside(points, { left, right, up, down })) path(part, line.colour ?? penOf(line.pen), LINE_PT, dashOf(line));
     }
     top = down + (lowest ? 0 : 4);
   });

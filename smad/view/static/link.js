@@ -2,6 +2,12 @@
 
 const RETRY_MS = 1000;
 const PATIENCE_MS = 5000; // the server speaks twice a second
+const GIVEN_UP_MS = 15000; // by then the server has given this page up, too
+
+// A time of now, or so long ago, and how long ago one was. The clock that nobody sets may stand still while
+// the computer sleeps, the other one may be set.
+export const moment = (agoMs = 0) => [performance.now() - agoMs, Date.now() - agoMs];
+export const msSince = ([steady, wall]) => Math.max(performance.now() - steady, Date.now() - wall);
 
 // The key came with the page when its link was opened. The tab keeps it for when it is loaded again:
 // no cookie and no address has it, so no other server on this host is ever shown it.
@@ -20,7 +26,6 @@ export class Link {
     this.generation = null; // the stops that this page has shown
     this.axis = ""; // the one that it shows
     this.lastId = 0;
-    this.heardMs = 0;
     this.waiting = new Map();
     this.key = keyOf();
     if (!this.key) {
@@ -36,14 +41,14 @@ export class Link {
     const address = `ws${location.protocol.slice(4)}//${location.host}/ws`;
     const socket = new WebSocket(address, ["smad", `key.${this.key}`]);
     this.socket = socket;
-    this.heardMs = performance.now();
+    this.heard = moment();
     socket.onmessage = (event) => this.take(socket, event.data);
     socket.onclose = (event) => this.closed(socket, event.reason);
   }
 
   take(socket, text) {
     if (socket !== this.socket) return;
-    this.heardMs = performance.now();
+    this.heard = moment();
     const message = JSON.parse(text);
     if (message.type === "status") {
       if (message.status) this.generation = message.status.generation;
@@ -71,9 +76,16 @@ export class Link {
   }
 
   check() {
-    if (this.socket && performance.now() - this.heardMs > PATIENCE_MS) {
-      this.on.lost("smad view has not said anything for five seconds.");
+    const { socket } = this;
+    if (!socket || msSince(this.heard) < PATIENCE_MS) return;
+    const why = "smad view has not said anything for five seconds.";
+    if (msSince(this.heard) < GIVEN_UP_MS) {
+      this.on.lost(why);
+      return;
     }
+    // Whatever lies between may never say that it is gone: a network that was left, a computer that slept.
+    this.closed(socket, why);
+    socket.close();
   }
 
   // Send what needs no answer; returns its number.

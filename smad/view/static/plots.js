@@ -2,7 +2,7 @@
 
 import { Data } from "./data.js";
 import { Layout, options } from "./layout.js";
-import { time } from "./plot.js";
+import { day, time } from "./plot.js";
 import { Strips } from "./strips.js";
 import { element, onScheme, setText } from "./style/plots.js";
 import { saveButtons } from "./style/sheet.js";
@@ -14,11 +14,11 @@ const LOOK_MS = 120; // after the last turn of the wheel the past is asked for
 
 // Strips and XY plots over one store and one span of time; drawn once for each screen refresh.
 export class Plots {
-  constructor(hello, link) {
+  constructor(hello, link, before) {
     this.link = link;
     this.data = new Data(hello);
     this.layout = new Layout(hello, () => this.arranged());
-    this.view = new TimeView(hello.windows, () => this.data.newest, () => this.moved());
+    this.view = new TimeView(hello.windows, () => this.data.newest, () => this.moved(), before);
     this.strips = new Strips($("strips"), this.data, this.view, this.layout);
     this.xys = new XyPlots($("xys"), this.data, this.view, this.layout);
     this.strips.pointed = (at) => this.xys.point(at);
@@ -55,7 +55,8 @@ export class Plots {
     $("tail").value = layout.tail_s;
     $("tail").onchange = () => layout.change({ tail_s: Number($("tail").value) });
     did("reset", () => layout.reset());
-    $("save").replaceChildren(saveButtons((mm) => this.strips.sheet(mm), () => document.title));
+    $("save").replaceChildren(saveButtons((mm) => this.strips.sheet(mm),
+      () => `${document.title} ${day(view.range[0], true)}${time(view.range[0])}`));
   }
 
   arranged() {
@@ -139,6 +140,7 @@ export class Plots {
   span() {
     const { view, data } = this;
     const [from, to] = view.range;
+    const at = (seconds) => time(seconds, view.spanS < 10 ? 1 : 0);
     setText($("pause"), view.live ? "Pause" : "Live");
     document.body.dataset.time = view.live ? "live" : "past";
     $("back").disabled = view.firstS != null && from <= view.firstS;
@@ -150,7 +152,7 @@ export class Plots {
     scroll.max = data.newest ?? to;
     if (document.activeElement !== scroll || view.live) scroll.value = to;
     setText($("span"), view.live ? lasting(view.spanS)
-      : `${time(from)} to ${time(to)}, ${lasting(view.spanS)}${data.past ? `, from ${data.past.source}` : ""}`);
+      : `Paused: ${day(from)}${at(from)} to ${at(to)}, ${lasting(view.spanS)}${data.past ? `, from ${data.past.source}` : ""}`);
   }
 }
 

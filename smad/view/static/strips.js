@@ -2,7 +2,7 @@
 
 import uPlot from "./style/vendor/uPlot.js";
 import { options } from "./layout.js";
-import { around, button, clock, limitLines, time } from "./plot.js";
+import { around, button, clock, limitLines } from "./plot.js";
 import { axis, curve, drawMarks, element, setText, shown } from "./style/plots.js";
 import { sheetOf, spanOf } from "./style/sheet.js";
 
@@ -10,6 +10,7 @@ const HEIGHT = 150;
 const NEAR = 0.1; // of a limit
 const PENS = 6; // colours for runs, which serve where two curves of a strip have one pen
 const MOST_UNITS = 2;
+const UNITS_S = [["h", 3600], ["min", 60], ["s", 1]];
 
 export class Strips {
   constructor(host, data, view, layout) {
@@ -55,13 +56,18 @@ export class Strips {
   sheet(mm) {
     const { data, view } = this;
     const { t, y } = data.drawn(view.live);
-    const boxes = this.strips.map(({ channels, pens }) => {
-      const lines = channels.map((channel, i) => ({ x: t, y: y.get(channel.name) ?? [], pen: pens[i],
+    const [from, to] = view.range;
+    const [unit, length] = UNITS_S.find(([, seconds]) => seconds === 1 || to - from > 3 * seconds);
+    const x = t.map((at) => (at - from) / length);
+    const range = [0, (to - from) / length];
+    // What has another unit has a panel of its own: a figure has one axis on the left.
+    const boxes = this.strips.flatMap(({ layers, units, pens }) => units.map((of) => {
+      const some = layers.filter((channel) => channel.unit === of);
+      const lines = some.map((channel) => ({ x, y: y.get(channel.name) ?? [], pen: pens.get(channel),
         dash: channel.pen === "reference" ? [6, 4] : [], label: channel.label }));
-      const titles = [...new Set(channels.map((channel) => channel.title))].join(", ");
-      return { title: titles, unit: channels[0].unit, x: view.range, y: spanOf(lines, view.range), lines, format: time };
-    });
-    return sheetOf(boxes, "time", mm);
+      return { title: titled(some), unit: of, x: range, y: some[0].span ?? spanOf(lines, range), lines };
+    }));
+    return sheetOf(boxes, `time (${unit})`, mm);
   }
 }
 
@@ -74,14 +80,16 @@ class Strip {
     this.channels = names.map((name) => all.data.channels.get(name));
     this.units = [...new Set(this.channels.map((channel) => channel.unit))];
     this.pens = pensOf(this.channels);
-    this.values = this.channels.map((channel, i) => {
+    // What was measured is drawn over what was wanted.
+    this.layers = [...this.channels].sort((a, b) => (b.pen === "reference") - (a.pen === "reference"));
+    this.values = this.channels.map((channel) => {
       const value = element("span", { className: "value", title: channel.name });
-      value.style.color = `var(--${this.pens[i]})`;
+      value.style.color = `var(--${this.pens.get(channel)})`;
       return value;
     });
     this.distance = element("span", { className: "distance" });
-    const titles = [...new Set(this.channels.map((channel) => channel.title))].join(", ");
-    this.heading = element("h2", { draggable: true, title: "Drag to move this strip" }, titles,
+    const unit = this.units.length === 1 && this.units[0] ? ` (${this.units[0]})` : "";
+    this.heading = element("h2", { draggable: true, title: "Drag to move this strip" }, `${titled(this.channels)}${unit}`,
       ...this.values, this.distance);
     this.editor = this.makeEditor();
     this.box = element("div", { className: "strip" }, this.heading, this.editor);
@@ -95,7 +103,8 @@ class Strip {
       { range: (plot, low, high) => this.range(unit, low, high) }]));
     const sides = this.units.slice(0, MOST_UNITS).map((unit, k) => ({
       ...axis({ scale: `y${k}`, side: k ? 1 : 3, size: 50, space: 24 }),
-      ...(k ? { grid: { show: false }, label: unit, labelSize: 14 } : {}),
+      ...(k ? { grid: { show: false } } : {}),
+      ...(this.units.length > 1 ? { label: unit, labelSize: 14 } : {}),
     }));
     return {
       width: 300,
@@ -107,8 +116,8 @@ class Strip {
       },
       scales: { x: { time: true, auto: false }, ...scales },
       axes: [axis({ size: 26, space: 80, values: clock }), ...sides],
-      series: [{}, ...this.channels.map((channel, i) => ({
-        ...curve(this.pens[i], channel.pen === "reference" ? [6, 4] : []),
+      series: [{}, ...this.layers.map((channel) => ({
+        ...curve(this.pens.get(channel), channel.pen === "reference" ? [6, 4] : []),
         scale: `y${this.units.indexOf(channel.unit)}`,
       }))],
       hooks: {
@@ -170,7 +179,7 @@ class Strip {
 
   curves(drawn) {
     const none = [];
-    return [drawn.t, ...this.names.map((name) => drawn.y.get(name)
+    return [drawn.t, ...this.layers.map(({ name }) => drawn.y.get(name)
       ?? (none.length ? none : Object.assign(none, drawn.t.map(() => null))))];
   }
 
@@ -243,12 +252,14 @@ function distanceOf(channels, data) {
   return found;
 }
 
+const titled = (channels) => [...new Set(channels.map((channel) => channel.title))].join(", ");
+
 function pensOf(channels) {
   const used = new Set();
-  return channels.map((channel) => {
+  return new Map(channels.map((channel) => {
     let pen = channel.pen;
     for (let k = 1; used.has(pen) && k <= PENS; k += 1) pen = `run-${k}`;
     used.add(pen);
-    return pen;
-  });
+    return [channel, pen];
+  }));
 }

@@ -4,14 +4,15 @@ const LEAST_S = 0.2;
 
 export class TimeView {
   // `changed` is told of each change; `newest` returns the time of the newest sample, or null.
-  constructor(windows, newest, changed) {
+  // What `before` showed is shown again: a daemon that was started anew, or another axis, moves no plot.
+  constructor(windows, newest, changed, before = {}) {
     this.windows = windows;
     this.newest = newest;
     this.changed = changed;
-    this.live = true;
-    this.spanS = windows[0].span_s;
-    this.toS = 0;
-    this.firstS = null;
+    this.live = before.live ?? true;
+    this.spanS = before.spanS ?? windows[0].span_s;
+    this.toS = before.toS ?? 0;
+    this.firstS = before.firstS ?? null;
   }
 
   // The finest window that has all of the span.

@@ -2,8 +2,9 @@
 // Whatever the bench says goes in as text, never as markup.
 
 import { build, buildLive } from "./forms.js";
-import { Link } from "./link.js";
+import { Link, moment, msSince } from "./link.js";
 import { element, setText } from "./style/plots.js";
+import { time } from "./plot.js";
 import { Plots } from "./plots.js";
 import { Queue } from "./queue.js";
 import { Runs, previewed } from "./runs.js";
@@ -18,9 +19,12 @@ let modes = {};
 let showGains = () => {};
 const left = new Set(); // axes that are not to be armed
 let toArm = [];
+let someArmed = false;
+let eventsShown = "";
+const lines = new Map(); // of the arming dialog, by what has to hold
 
 // When what stands here was of now: beside each reading stands its age from then on.
-let newestMs = performance.now();
+let newest = moment();
 
 const link = new Link({
   hello: begin,
@@ -39,18 +43,18 @@ const tiles = new Tiles($("tiles"), (axis) => link.send({ do: "look_at", axis })
 setInterval(showAge, 1000);
 
 function showAge() {
-  const oldS = (performance.now() - newestMs) / 1000;
-  document.body.style.setProperty("--age", `" (${oldS.toFixed(0)} s old)"`);
+  document.body.style.setProperty("--age", `" (${(msSince(newest) / 1000).toFixed(0)} s old)"`);
 }
 
-// "live", or why what stands here is not to be trusted. STOP works as long as the daemon answers.
+// "live", or why what stands here is not to be trusted. STOP is refused to nobody while there is a way
+// to the server: the daemon hears stops apart from all else.
 function become(state, what = "", why = "", oldS = 0) {
   document.body.dataset.link = state;
-  if (state === "live" || oldS > 0) newestMs = performance.now() - 1000 * oldS;
+  if (state === "live" || oldS > 0) newest = moment(1000 * oldS);
   showAge();
   setText($("lost-what"), what);
   setText($("lost-why"), why);
-  $("stop").disabled = state === "lost" || state === "away";
+  $("stop").disabled = state === "lost";
   if ($("commands")) {
     $("commands").disabled = state !== "live";
     if (state !== "live") $("arming").close();
@@ -58,10 +62,11 @@ function become(state, what = "", why = "", oldS = 0) {
 }
 
 function begin(hello) {
+  const view = plots?.view;
   plots?.close();
   modes = hello.modes;
   link.axis = hello.axis;
-  plots = new Plots(hello, link);
+  plots = new Plots(hello, link, view);
   setText($("bench"), hello.axis ? `${hello.bench}: ${hello.axis}` : hello.bench);
   document.title = `${hello.bench} – smad`;
   queue?.end();
@@ -84,7 +89,7 @@ function take(message) {
   plots.data.limits = message.limits;
   plots.session(message.first_s);
   if (message.away) {
-    become("away", "The daemon does not answer", `${message.away}. What stands here is old. STOP does not reach the bench from here: use its switch.`, message.silent_s);
+    become("away", "The daemon does not answer", `${message.away}. What stands here is old. STOP may not reach the bench: press it, and use the switch of the bench as well.`, message.silent_s);
   } else if (message.silent_s > 0) {
     become("silent", "No samples come", `Link: ${status.link}. STOP still works; the values shown are ${message.silent_s.toFixed(0)} s old.`, message.silent_s);
   } else {
@@ -112,10 +117,16 @@ function show(now, anyArmed) {
   }
   $("warnings").hidden = !now.warnings.length;
   setText($("warnings"), `Warning: ${now.warnings.join(", ")}`);
-  $("events").replaceChildren(...[...now.events].reverse().map((event) => element("li", {},
-    element("time", { textContent: new Date(event.time_s * 1000).toLocaleTimeString([], { hour12: false }) }),
-    ` ${event.text}`)));
+  tellEvents(now.events);
   if ($("commands")) offer(now, anyArmed);
+}
+
+function tellEvents(events) {
+  const text = JSON.stringify(events);
+  if (text === eventsShown) return;
+  eventsShown = text;
+  $("events").replaceChildren(...[...events].reverse().map((event) => element("li", {},
+    element("time", { textContent: time(event.time_s) }), ` ${event.text}`)));
 }
 
 function mode(name) {
@@ -126,6 +137,7 @@ function mode(name) {
 
 // What can be asked for now, and what stands against arming.
 function offer(now, anyArmed) {
+  someArmed = anyArmed;
   const axes = now.conditions.map((condition) => condition.axis).filter(Boolean);
   $("arm").disabled = link.axis ? !axes.length : now.armed;
   $("disarm").disabled = !anyArmed;
@@ -135,13 +147,22 @@ function offer(now, anyArmed) {
   showGains(now.gains);
   setText($("record-go"), now.recording ? "Stop recording" : "Record");
   $("record-name").hidden = now.recording;
-  const state = (holds) => (holds === null ? "unknown" : holds ? "holds" : "fails");
-  $("conditions").replaceChildren(...now.conditions.map((condition) => element("li",
-    { className: state(condition.holds) }, condition.axis ? chosen(condition.axis) : condition.text,
-    element("span", { textContent: condition.detail ? ` – ${condition.detail}` : "" }))));
+  const shown = now.conditions.map(lineOf);
+  if (shown.some((line, k) => line !== $("conditions").children[k]) || shown.length !== $("conditions").children.length) {
+    $("conditions").replaceChildren(...shown);
+  }
   $("arm-now").disabled = now.conditions.some((condition) => condition.holds === false && !left.has(condition.axis))
     || (axes.length > 0 && axes.every((axis) => left.has(axis)));
   toArm = axes.filter((axis) => !left.has(axis));
+}
+
+// The line of a condition. It stays the same one, so that its box keeps the focus and a click that has begun.
+function lineOf({ text, axis, holds, detail }) {
+  if (!lines.has(text)) lines.set(text, element("li", {}, axis ? chosen(axis) : text, element("span")));
+  const line = lines.get(text);
+  line.className = holds === null ? "unknown" : holds ? "holds" : "fails";
+  setText(line.lastChild, detail && ` – ${detail}`);
+  return line;
 }
 
 // A box to leave an axis out of an arming.
@@ -170,7 +191,7 @@ async function ask(message) {
 }
 
 function tell(reply) {
-  setText($("said"), reply.text);
+  setText($("said"), `${time(Date.now() / 1000)} ${reply.done ? "" : "not done: "}${reply.text}`);
   $("said").classList.toggle("refused", !reply.done);
 }
 
@@ -207,8 +228,12 @@ function submitted(id, todo) {
   };
 }
 
-$("stop").onclick = () => ask({ do: "stop" });
-$("disarm").onclick = () => ask({ do: "stop" });
+function stop() {
+  tell({ done: true, text: "stopping …" });
+  ask({ do: "stop" });
+}
+
+$("stop").onclick = $("disarm").onclick = stop;
 $("idle").onclick = () => ask({ do: "idle" });
 $("clear").onclick = () => status?.trouble && ask({ do: "clear", fault: status.trouble.number });
 $("arm").onclick = () => $("arming").show();
@@ -218,6 +243,11 @@ $("arm-now").onclick = () => {
   ask({ do: "arm", keep_control: $("keep").checked, axes: toArm });
 };
 document.addEventListener("keydown", (event) => {
+  if (event.key === "Escape" && !event.repeat) {
+    const asking = $("arming")?.open;
+    $("arming")?.close();
+    if (!$("stop").disabled && (someArmed || !asking)) stop();
+  }
   if (event.key !== " " || event.target.closest("button, input, select, summary, a")) return;
   event.preventDefault();
   $("pause").click();

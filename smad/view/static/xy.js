@@ -132,7 +132,7 @@ class Xy {
     const last = t.length - 1;
     clipped(this.plot, (ctx) => {
       ctx.lineWidth = 1.5 * devicePixelRatio;
-      ctx.lineJoin = "round";
+      ctx.lineJoin = ctx.lineCap = "round";
       const px = (k) => [this.plot.valToPos(x[k], "x", true), this.plot.valToPos(y[k], "y", true)];
       let group = null;
       for (let k = 1; k <= last; k += 1) {
@@ -150,7 +150,7 @@ class Xy {
         }
         if (x[k] == null || y[k] == null) continue;
         if (joined) ctx.lineTo(...px(k));
-        else ctx.moveTo(...px(k));
+        else dot(ctx, px(k));
       }
       if (group !== null) ctx.stroke();
       ctx.globalAlpha = 1;
@@ -197,6 +197,12 @@ class Xy {
       return mark;
     }));
   }
+}
+
+// A point with nothing before it: of a long span one in so many is there, and no line says what lies between.
+function dot(ctx, at) {
+  ctx.moveTo(...at);
+  ctx.lineTo(...at);
 }
 
 // The colour of each cycle that is shown, from the first to the last, as in a report.

@@ -97,6 +97,17 @@ def test_values_stand_in_the_page_once_and_those_of_one_moment_stay_together() -
     assert y == np.round(run["displacement_mm"][::3], 3).tolist()
 
 
+def test_a_pause_breaks_a_loop() -> None:
+    run = columns()
+    run["t_s"] = run["t_s"] + 30.0 * (np.arange(1000) >= 600)
+    data = json.loads(Panels((), planes=planes_of([("a", "x", run["t_s"], run)])).as_json())
+    curve = data["planes"][0]["curves"][0]
+    x, t, cycle = (data["values"][curve[name]] for name in ("x", "t", "cycle"))
+    assert [k for k, value in enumerate(x) if value is None] == [600]
+    assert len(x) == len(t) == len(cycle) == 1001
+    assert t[599] == t[600] < t[601] - 30.0
+
+
 def a_known_loop() -> Panels:
     """A circle of 1000 samples, and the time that it takes."""
     t = np.linspace(0.0, 10.0, 1000)

@@ -24,8 +24,11 @@ from smad.report.page import (
     render,
     write_page,
 )
+from smad.report.panels import Panel, Panels, Trace
 from smad.report.plots import decimated, draw, label, new_figure, picture, svg_of
+from smad.report.printed import write_figure
 from smad.report.tables import markdown_table, text_table
+from smad.style.palette import in_print
 
 TABLE = Table(("name", "value"), (("a", "1.0"), ("long name", "12.5")), numeric=frozenset({1}))
 
@@ -121,6 +124,17 @@ def test_decimation_keeps_extremes_and_is_short(values: list[float], most: int) 
     assert (short_y.min(), short_y.max()) == (y.min(), y.max())
     assert np.all(np.diff(short_t) >= 0.0)
     assert np.isin(short_y, y).all()
+
+
+def test_a_pause_breaks_the_line_in_print_and_the_springs_differ_without_colours(
+    tmp_path: Path,
+) -> None:
+    t = np.arange(3000.0) + 500.0 * (np.arange(3000) >= 1500)
+    traces = [Trace("X", t, np.sin(t), "x"), Trace("Y", t, np.cos(t), "y")]
+    svg = write_figure(Panels([Panel("Force", "N", 2, traces)]), tmp_path / "f.svg").read_text()
+    lines = re.findall(rf'd="([^"]+)"[^>]*stroke-dasharray[^>]*stroke: {in_print("y")}', svg)
+    assert len(lines) > 0
+    assert max(line.count("M ") for line in lines) == 2
 
 
 def test_a_gap_stays_a_gap() -> None:

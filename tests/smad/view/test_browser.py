@@ -330,13 +330,41 @@ def test_no_connection_from_another_page_or_without_cookie_and_key(
     assert refused.value.response.status_code == status
 
 
-def test_a_page_whose_daemon_is_silent_says_so_greys_its_buttons_and_comes_back(
+def test_escape_stops_the_bench_wherever_the_focus_is(page: Any, bench: BrowsedBench) -> None:
+    arm(page)
+    page.find_element("css selector", "#note-text").send_keys("half a note", "\ue00c")
+    until(page, lambda d: "stopped" in text_of(d, "said"))
+    assert not bench.client.motion().armed
+
+
+def test_why_a_command_was_refused_is_in_sight_however_far_the_page_is_scrolled(page: Any) -> None:
+    resize(page, 390, 700)
+    page.execute_script(
+        "document.getElementById('queue').open = true;"
+        "document.getElementById('queue-what').value = 'nothing';"
+        "document.getElementById('queue-add').scrollIntoView()"
+    )
+    click(page, "#queue-add button")
+    until(page, lambda d: "not done" in text_of(d, "said"))
+    top, bottom, height = page.execute_script(
+        "const box = document.getElementById('said').getBoundingClientRect();"
+        "return [box.top, box.bottom, innerHeight]"
+    )
+    assert 0 < top < bottom <= height
+
+
+def test_a_page_whose_daemon_is_silent_says_so_greys_its_buttons_and_comes_back_as_it_was(
     page: Any, bench: BrowsedBench
 ) -> None:
+    choose(page, "#window", "300")
+    click(page, "#pause")
     bench.daemon.process.send_signal(signal.SIGSTOP)
     try:
         until(page, lambda d: "daemon does not answer" in text_of(d, "lost-what"))
-        assert page.execute_script(GREYED)
+        assert page.execute_script("return document.getElementById('commands').disabled")
+        # The daemon hears a stop apart from all else: the page sends it, and says what came of it.
+        click(page, "#stop")
+        until(page, lambda d: "not done: " in text_of(d, "said"))
         ages = page.execute_script(AGES)
         assert len(ages) >= len(LAYOUT)
         assert all(re.fullmatch(r'" \([1-9]\d* s old\)"', age) for age in ages)
@@ -344,6 +372,10 @@ def test_a_page_whose_daemon_is_silent_says_so_greys_its_buttons_and_comes_back(
         bench.daemon.process.send_signal(signal.SIGCONT)
     until(page, is_live)
     assert not page.execute_script(GREYED)
+    assert "5.0 min" in text_of(page, "span")
+    assert page.execute_script("return document.body.dataset.time") == "past"
+    click(page, "#pause")
+    choose(page, "#window", "30")
 
 
 def test_a_page_whose_server_is_gone_says_so_and_greys_its_buttons(

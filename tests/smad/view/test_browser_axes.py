@@ -80,11 +80,21 @@ def test_a_click_on_a_tile_shows_that_axis_and_commands_go_to_it(
     until(page, lambda d: all("ARMED" not in text for text in tiles(d).values()))
 
 
-def test_an_axis_is_left_out_of_an_arming_by_its_box(page: Any, bench: BrowsedBench) -> None:
+def test_an_axis_is_left_out_of_an_arming_by_its_box_which_keeps_the_focus(
+    page: Any, bench: BrowsedBench
+) -> None:
     click(page, "#arm")
     boxes = "return document.querySelectorAll('#conditions input').length"
     until(page, lambda d: d.execute_script(boxes) == len(NAMES))
-    page.execute_script("document.querySelectorAll('#conditions input')[2].click()")
+    # However many statuses come, a box stays: it keeps the focus of a keyboard.
+    page.execute_script(
+        "window.statuses = 0; const send = WebSocket.prototype.send;"
+        "WebSocket.prototype.send = function (text) {"
+        "window.statuses += text.includes('alive'); return send.call(this, text); };"
+        "document.querySelectorAll('#conditions input')[2].focus()"
+    )
+    until(page, lambda d: d.execute_script("return window.statuses") > 2)
+    page.execute_script("document.activeElement.click()")
     click(page, "#arm-now")
     until(page, lambda d: text_of(d, "mode") == "ARMED")
     # The page tells of the first axis, whose board may be a sample ahead of the second.

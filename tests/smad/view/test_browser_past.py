@@ -238,6 +238,98 @@ def test_an_hour_in_one_strip_keeps_the_spike_of_one_sample_and_its_mark(page: A
     until(page, swept)
 
 
+def test_an_hour_against_another_signal_has_its_points_and_no_lines_between_them(page: Any) -> None:
+    paused(page)
+    page.execute_script("document.body.dataset.past = ''")
+    choose(page, "#window", "3600")
+    until(page, lambda d: d.execute_script("return document.body.dataset.past"))
+    until(page, lambda d: sum(d.execute_script(INK, LOOP).values()) > 100)
+    click(page, "#pause")
+    choose(page, "#window", "30")
+
+
+SAVED = """const done = arguments[0];
+URL.createObjectURL = (blob) => { blob.text().then(done); return "data:,"; };
+document.querySelector("#save [data-save=svg]").click()"""
+
+
+def test_in_a_saved_figure_each_unit_has_an_axis_and_time_is_in_seconds(page: Any) -> None:
+    page.execute_script(
+        "localStorage.setItem('smad-layout', JSON.stringify("
+        "{strips: [['rtd_y_degC', 'force_N']], xy: [], tail_s: 60}))"
+    )
+    page.refresh()
+    until(page, is_live)
+    until(page, lambda d: "Y 36.0 °C" in heading(d, "rtd_y_degC,force_N"))
+    svg = page.execute_async_script(SAVED)
+    assert ">Spring temperature (°C)<" in svg
+    assert ">Tendon force (N)<" in svg
+    assert ">time (s)<" in svg
+    assert {">0<", ">5<", ">30<"} <= set(re.findall(">[0-9]+<", svg))
+    click(page, "#reset")
+
+
+SHEET = """const done = arguments[0];
+import("./style/sheet.js").then(({sheetOf}) => {
+  const box = (lines) => ({title: "Force", unit: "N", x: [0, 1], y: [0, 1], lines});
+  const through = sheetOf([box([{x: [0, 1], y: [-9, 10], pen: "main", label: ""}])], "s", 85);
+  const labels = Array.from("ABCDEF", (run) =>
+    ({x: [], y: [], pen: "main", label: `${run} measured`}));
+  const keyed = sheetOf([box(labels)], "s", 85);
+  done([through.items.filter(({thick}) => thick === 0.9)[0].points,
+    keyed.items.filter(({words}) => /measured/.test(words)).map(({x, y}) => [x, y]), keyed.width]);
+})"""
+
+
+def test_a_line_ends_at_the_edge_of_a_saved_figure_and_all_names_are_in_it(page: Any) -> None:
+    points, names, width = page.execute_async_script(SHEET)
+    (x0, y0), (x1, y1) = points
+    # A nineteenth of the way is inside: the line is as steep as it was.
+    left, right = 40.0, width - 8.0
+    assert (x1 - x0) / (right - left) == pytest.approx(1 / 19)
+    assert y0 - y1 == pytest.approx(90.0)
+    assert len({tuple(place) for place in names}) == 6
+    assert all(left <= x < right - 30.0 for x, _ in names)
+
+
+CLOCK = """const done = arguments[0];
+import("./plot.js").then(({clock}) => done([0.02, 0.5, 5].map((step) =>
+  clock(null, Array.from({length: 9}, (_, n) => 1.7e9 + n * step), 0, 0, step))))"""
+
+
+def test_each_time_at_an_axis_is_told_from_the_next_at_any_zoom(page: Any) -> None:
+    for labels in page.execute_async_script(CLOCK):
+        assert len(set(labels)) == 9
+
+
+ASLEEP = """const done = arguments[0];
+const meta = {name: "smad-key", content: "k"};
+document.head.append(Object.assign(document.createElement("meta"), meta));
+import("./link.js").then(({Link}) => {
+  const said = [], closed = [];
+  window.WebSocket = class { close() { closed.push(this); } };
+  const link = new Link({lost: (why) => said.push(why)});
+  const first = link.socket;
+  link.check();
+  const early = said.length;
+  // Its clock that nobody sets stood still.
+  const now = Date.now;
+  Date.now = () => now() + 3.6e6;
+  link.check();
+  Date.now = now;
+  link.open = () => {};
+  done([early, said, closed.length === 1 && closed[0] === first, link.socket]);
+})"""
+
+
+def test_after_the_computer_slept_nothing_is_shown_as_live_and_the_page_connects_anew(
+    page: Any,
+) -> None:
+    early, said, closed, socket = page.execute_async_script(ASLEEP)
+    assert (early, closed, socket) == (0, True, None)
+    assert "has not said anything" in said[0]
+
+
 def move_pointer(driver: Any, x: float, y: float) -> None:
     driver.execute_cdp_cmd("Input.dispatchMouseEvent", {"type": "mouseMoved", "x": x, "y": y})
 
