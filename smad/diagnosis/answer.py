@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -120,10 +120,14 @@ def answer_of(search: Searched, *, question: str, gaps_of: str = MEASURED) -> An
 def _alternatives(step: Step) -> tuple[Rival, ...]:
     """The rivals of a step between which the runs do not decide; one where they do."""
     rivals = {r.name: r for r in step.rivals if r.has_part}
-    total = max(sum(r.probability for r in rivals.values()), 1e-300)
-    probabilities = {n: r.probability / total for n, r in rivals.items()}
-    names = credible_set(probabilities, shipped().credible_level)
-    return tuple(rivals[n] for n in names)
+    total = _total(r.probability for r in rivals.values())
+    given_a_part = {n: r.probability / total for n, r in rivals.items()}
+    return tuple(rivals[n] for n in credible_set(given_a_part, shipped().credible_level))
+
+
+def _total(probabilities: Iterable[float]) -> float:
+    """The sum, and never 0, so that it can be divided by."""
+    return max(sum(probabilities), 1e-300)
 
 
 def _outcome(search: Searched, causes: Sequence[Cause]) -> str:
@@ -260,11 +264,11 @@ def _cause(
     effect = part if isinstance(part, EffectPart) else None
     law = part if isinstance(part, LawPart) else None
     of_parts = [r for r in step.rivals if r.has_part]
-    total = max(sum(r.probability for r in of_parts), 1e-300)
+    total = _total(r.probability for r in of_parts)
     laws = [r.places[0] for r in of_parts if r.kind == LAW]
     places = place_probabilities([(r.places, r.probability) for r in of_parts], laws)
     named = {r.name: r.probability for r in of_parts if r.kind == EFFECT}
-    in_library = max(sum(named.values()), 1e-300)
+    in_library = _total(named.values())
     names = {n: p / in_library for n, p in sorted(named.items(), key=lambda item: -item[1])}
     stayed = step.entered is not None and part.name == step.entered.name
     place = _place_of(part.places, laws if stayed else ())
@@ -301,7 +305,7 @@ def place_probabilities(
     They sum to 1: it is that of the place if anything is missing. An effect counts for the place
     whose law is likeliest among its own; `laws` are the places of laws, the likeliest first.
     """
-    total = max(sum(p for _, p in parts), 1e-300)
+    total = _total(p for _, p in parts)
     places: dict[str, float] = {}
     for of_part, p in parts:
         place = _place_of(of_part, laws)

@@ -13,15 +13,15 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smad import arrays
 from smad.diagnosis.errors import GapError
 from smad.diagnosis.runs import GapRun
 
-Array = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
+Array = arrays.Array
+Singles = arrays.Singles
+Index = arrays.Index
+Mask = arrays.Mask
 EffectValues = Mapping[str, Mapping[str, float]]
 """Values of the parameters of each effect that is switched on, by effect and parameter name."""
 

@@ -87,6 +87,11 @@ class GapRun:
         """When the time begins that the first sample stands for."""
         return float(self.t_s[0] - self.dt_s)
 
+    @property
+    def as_recorded(self) -> GapRun:
+        """`whole`, or the run itself where it was not thinned."""
+        return self if self.whole is None else self.whole
+
     @cached_property
     def pieces(self) -> Array:
         """How many samples of `whole` each sample is the mean of; ones in a run not thinned."""
@@ -98,7 +103,7 @@ class GapRun:
     @cached_property
     def readings(self) -> Array:
         """How many valid samples of `whole` each sample is the mean of, shape (n,)."""
-        good = (self if self.whole is None else self.whole).good.astype(np.float64)
+        good = self.as_recorded.good.astype(np.float64)
         size = self.pieces.astype(np.intp)
         return np.asarray(np.add.reduceat(good, np.cumsum(size) - size))
 

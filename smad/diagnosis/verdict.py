@@ -15,16 +15,17 @@ from smad.diagnosis.errors import GapError, PlantMismatch
 from smad.diagnosis.runs import GapRun
 from smad.units import in_words
 
-QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED = (
+QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED = OUTCOMES = (
     "quiet", "parameters", "causes", "unexplained", "refused",
 )  # fmt: skip
-OUTCOMES = (QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED)
 """Nothing beyond the floor; other values of the parameters explain it; causes are told; more than
 the parameters is missing, and no rival explains it; no verdict."""
 DIFFERS, CHANGED, CHECK_UP = "differs", "changed", "check-up"
 MEASURED, PAIRED = "measured − predicted", "whitened now − then"
 """What gaps are of: runs by themselves, or runs that repeat good ones."""
 
+AT_FLOOR = 1.3
+"""Floors are known to a third: a channel that leaves at most so many floors shows nothing."""
 _NAMED = 2
 """Names beside the first one that a heading lists."""
 _MOST_DECIMALS, _LARGE = 5, 1e5

@@ -18,7 +18,7 @@ from smad.diagnosis.runs import GapRun
 
 _MIN_REST_ROWS = 30
 _MIN_REST_RUN = 12
-_RESOLUTION = 0.001
+RESOLUTION = 0.001
 """Share of a channel's excursion below which no simulator is trusted."""
 _OUTLIER = 4.0
 """Standard deviations beyond which a row at rest is no noise."""
@@ -97,7 +97,7 @@ def _sigma(values: Sequence[Array], courses: Sequence[_Course]) -> float:
 
 def _difference_sigma(courses: Sequence[Array]) -> float:
     """Noise of one channel where nothing rests: what is left of it that no motion explains."""
-    sigma, (quiet, bins) = _third_differences(courses), _quietest_band(courses)
+    sigma, (quiet, bins) = third_difference_sd(courses), _quietest_band(courses)
     # What moves within a few rows is no smooth course. Noise is at most what the spectrum has
     # where it has least; that this is less by chance is left out by four standard errors.
     return quiet if quiet * np.sqrt(1.0 + 4.0 / np.sqrt(bins)) < sigma else sigma
@@ -120,11 +120,15 @@ def _quietest_band(courses: Sequence[Array]) -> tuple[float, float]:
     return float(np.sqrt(means[least])), float(bins[least])
 
 
-def _third_differences(courses: Sequence[Array]) -> float:
-    # Third differences remove any smooth course; their variance is 20 σ². The lower quartile of
-    # |d| keeps the edges of the excitation out.
-    joined = np.abs(np.concatenate([np.zeros(0), *(np.diff(y, 3) for y in courses)]))
-    return float(np.quantile(joined, 0.25) / 0.3186 / np.sqrt(20.0)) if len(joined) else 0.0
+def third_difference_sd(courses: Sequence[Array]) -> float:
+    """Standard deviation of the white noise in evenly sampled courses, (n,) each; 0 of none.
+
+    Third differences remove any smooth course; their variance is 20 σ². The lower quartile of their
+    sizes keeps the edges of the excitation out. NaN does not count.
+    """
+    sizes = np.abs(np.concatenate([np.zeros(0), *(np.diff(y, 3) for y in courses)]))
+    sizes = sizes[np.isfinite(sizes)]
+    return float(np.quantile(sizes, 0.25) / 0.3186 / np.sqrt(20.0)) if len(sizes) else 0.0
 
 
 def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Array:
@@ -133,7 +137,10 @@ def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) 
     The noise of one row of `period_s`, and the resolution that no simulator is trusted below, in
     quadrature.
     """
-    resolution = [_RESOLUTION * _excursion(runs, c.name) for c in plant.channels]
+    resolution = [
+        RESOLUTION * excursion([r.outputs[c.name][r.good] for r in runs if c.name in r.outputs])
+        for c in plant.channels
+    ]
     return np.asarray(np.hypot(row_noise(runs, plant, period_s), resolution))
 
 
@@ -166,11 +173,7 @@ def row_noise(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Arr
     return noise
 
 
-def _excursion(runs: Sequence[GapRun], name: str) -> float:
-    """Median over runs of the range that a channel goes through, less its extreme percents."""
-    having = [r for r in runs if name in r.outputs]
-    if not having:
-        return 0.0
-    return float(
-        np.median([np.ptp(np.quantile(r.outputs[name][r.good], (0.01, 0.99))) for r in having])
-    )
+def excursion(columns: Sequence[Array]) -> float:
+    """Median over a channel's columns, (n,) each, of the range between its extreme percents."""
+    ranges = [np.ptp(np.quantile(y, (0.01, 0.99))) for y in columns]
+    return float(np.median(ranges)) if ranges else 0.0

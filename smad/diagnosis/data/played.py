@@ -46,7 +46,7 @@ class Played:
     @property
     def whole(self) -> GapRun:
         """The run as it was recorded."""
-        return self.run if self.run.whole is None else self.run.whole
+        return self.run.as_recorded
 
     @classmethod
     def of(

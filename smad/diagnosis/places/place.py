@@ -73,5 +73,17 @@ class PlacesPlant(PlantModel, Forceable, Protocol):
 
 
 def single_sides(place: Place, side: str) -> tuple[str, ...]:
-    """The sides that can be forced which a side stands for: both of two is each of them."""
+    """The sides that can be forced: `side` itself, or every side of the place for "both"."""
     return (side,) if side in place.sides else place.sides
+
+
+def place_named(plant: Forceable, name: str) -> Place:
+    """The place of that name. Raises StopIteration where the plant has none."""
+    return next(p for p in plant.places if p.name == name)
+
+
+def states_seen(
+    plant: Forceable, place: str, side: str, states: Mapping[str, Array]
+) -> dict[str, Array]:
+    """States of a trajectory, (n,) each, as the place sees them on the first side of `side`."""
+    return plant.seen(place, single_sides(place_named(plant, place), side)[0], states)

@@ -19,7 +19,7 @@ from sim_device.plant.errors import PlantError
 from smad.diagnosis.data.played import Played, finite
 from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.places.bare import BarePlaces
-from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, single_sides
+from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, single_sides, states_seen
 from smad.diagnosis.plant import Array, Index, ModelPoint, Singles, traits_of
 from smad.progress import Say, silent
 
@@ -139,9 +139,7 @@ def _support(
 
 def law_values(plant: PlacesPlant, law: Law, states: Mapping[str, Array], t_s: Array) -> Array:
     """Basis functions of a law's terms on a trajectory, (n, k), as its first side sees it."""
-    place = next(p for p in plant.places if p.name == law.place)
-    (side, *_) = single_sides(place, law.side)
-    return basis(plant.seen(law.place, side, states), law.terms, t_s)
+    return basis(states_seen(plant, law.place, law.side, states), law.terms, t_s)
 
 
 def law_series(plant: PlacesPlant, law: Law, states: Mapping[str, Array], t_s: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from sim_device.plant import Law
 from smad.diagnosis.answer import Answer
-from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides
+from smad.diagnosis.places.place import BOTH, PlacesPlant, states_seen
 from smad.diagnosis.places.responses import law_series
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.rivals.evidence import with_drifts
@@ -248,11 +248,9 @@ def _points(
     plant: PlacesPlant, point: ModelPoint, runs: Sequence[GapRun], law: Law, state: str
 ) -> tuple[Array, Array]:
     """Values of a state and of the law over all runs."""
-    place = next(p for p in plant.places if p.name == law.place)
-    (side, *_) = single_sides(place, law.side)
     xs, ys = [], []
     for run in runs:
         states = plant.trajectory(point, run, fast=True)
-        xs.append(plant.seen(law.place, side, states)[state])
+        xs.append(states_seen(plant, law.place, law.side, states)[state])
         ys.append(law_series(plant, law, states, run.t_s))
     return np.concatenate(xs), np.concatenate(ys)

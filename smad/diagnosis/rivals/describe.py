@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sim_device.plant import Term
-from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides
+from smad.diagnosis.places.place import BOTH, PlacesPlant, place_named, states_seen
 from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.parts import EffectPart, LawPart, Part
 from smad.diagnosis.rivals.rival import Rival
@@ -72,9 +72,8 @@ def law_terms(
     trajectories: Sequence[Mapping[str, Array]],
 ) -> list[LawTerm]:
     """The terms of a law at coordinates `x` (k,) with deviations `sd` (k,)."""
-    place = next(p for p in plant.places if p.name == part.candidate.place)
-    side = single_sides(place, part.candidate.side)[0]
-    seen = [plant.seen(place.name, side, t) for t in trajectories]
+    place = place_named(plant, part.candidate.place)
+    seen = [states_seen(plant, place.name, part.candidate.side, t) for t in trajectories]
     out: dict[str, LawTerm] = {}
     for column, value, deviation in zip(part.columns, x, sd, strict=True):
         law, term = part.responses.homes[column]

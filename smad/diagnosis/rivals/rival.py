@@ -41,14 +41,13 @@ from smad.diagnosis.rivals.score import (
     probabilities,
     quiet_gap,
 )
+from smad.diagnosis.verdict import AT_FLOOR
 from smad.progress import Say
 
 _STEP_SHARES = (1.0, 0.5, 0.25)
 """Shares of the step to where a run is left out, the longest first."""
 _ROUGH = 0.3
 """Floors by which a replay may differ from what slopes predict: it is rough where springs turn."""
-NEAR = 1.3
-"""A channel that leaves at most so many floors shows nothing more: floors are known to a third."""
 CHANNELS = 10
 """Of the spring pair, on which κ was fitted."""
 DAY = 0.05
@@ -212,7 +211,7 @@ class Question:
     def near(self, rival: Rival) -> bool:
         """Whether a rival leaves nothing that could be told in any channel of the judged runs."""
         counts = self.judged.counts.sum(axis=0)
-        return bool((rival.squares.sum(axis=0) <= NEAR**2 * counts).all())
+        return bool((rival.squares.sum(axis=0) <= AT_FLOOR**2 * counts).all())
 
     def gap(self, rival: Rival) -> float:
         """What a rival leaves of the judged runs, root mean square in floors."""
