@@ -14,12 +14,12 @@ from pathlib import Path
 from smad.diagnosis.answer import Answer, answer_of
 from smad.diagnosis.data.guards import FIT
 from smad.diagnosis.numerics.threads import repeatable
-from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
+from smad.diagnosis.paired.difference import PairedRuns, pair_runs, question_of_pairs
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.paired.notes import notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import PlantModel, SavesModel
-from smad.diagnosis.rivals.search import searched
+from smad.diagnosis.rivals.search import run_search
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHECK_UP, PAIRED, RunRecord
 from smad.progress import Say, silent
@@ -27,10 +27,10 @@ from smad.version import VERSION
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Judged(Answer):
+class CheckUpAnswer(Answer):
     """An answer with the pairs that it is of."""
 
-    pairs: Paired
+    pairs: PairedRuns
 
     def save_model(self, plant: SavesModel, path: Path) -> None:
         """Write the model of the good bench with what was found, and its covariance."""
@@ -39,12 +39,12 @@ class Judged(Answer):
 
 
 @repeatable
-def judged(
+def judge_check_up(
     plant: PlantModel,
     reference: GoodRuns,
     runs: Sequence[tuple[GapRun, str]],
     progress: Say = silent,
-) -> Judged:
+) -> CheckUpAnswer:
     """The verdict over runs of now, each with the name of the good run that it repeats.
 
     Raises PairingError for inputs that differ too much, and GapError where the model cannot replay
@@ -52,8 +52,8 @@ def judged(
     """
     began = time.perf_counter()
     placed = with_places(plant)
-    pairs = paired(placed, reference, runs)
-    search = searched(question_of_pairs(pairs, plant.effects, progress))
+    pairs = pair_runs(placed, reference, runs)
+    search = run_search(question_of_pairs(pairs, plant.effects, progress))
     answer = answer_of(search, question=CHECK_UP, gaps_of=PAIRED)
     answer = answer.with_verdict(
         notes=notes_of(pairs),
@@ -63,4 +63,4 @@ def judged(
         smad_version=VERSION,
         seconds=round(time.perf_counter() - began, 2),
     )
-    return Judged(pairs=pairs, **vars(answer))
+    return CheckUpAnswer(pairs=pairs, **vars(answer))

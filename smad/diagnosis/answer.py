@@ -27,7 +27,7 @@ from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import EffectPart, LawPart
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, credible_set
-from smad.diagnosis.rivals.search import Searched, Step
+from smad.diagnosis.rivals.search import Search, Step
 from smad.diagnosis.rivals.uncertainty import Precision
 from smad.diagnosis.rivals.unseen import unseen_strengths
 from smad.diagnosis.verdict import (
@@ -60,7 +60,7 @@ class Answer:
     """
 
     verdict: Verdict
-    search: Searched | None = None
+    search: Search | None = None
     stages: tuple[Rival, ...] = ()
     model: ModelPoint | None = None
     uncertainty: Uncertainty | None = None
@@ -75,7 +75,7 @@ class Answer:
         return replace(self, verdict=msgspec.structs.replace(self.verdict, **fields))
 
 
-def answer_of(search: Searched, *, question: str, gaps_of: str = MEASURED) -> Answer:
+def answer_of(search: Search, *, question: str, gaps_of: str = MEASURED) -> Answer:
     """The answer that a search gives; its gaps are MEASURED or PAIRED."""
     asked, fitted = search.question, search.final.fit
     base = fitted or search.parameters.fit
@@ -130,7 +130,7 @@ def _total(probabilities: Iterable[float]) -> float:
     return max(sum(probabilities), 1e-300)
 
 
-def _outcome(search: Searched, causes: Sequence[Cause]) -> str:
+def _outcome(search: Search, causes: Sequence[Cause]) -> str:
     """Causes, parameters, or quiet; unexplained where much is left and no rival takes it.
 
     Day-to-day variation is nothing new: the rival *nothing* is fitted with it, and counts here.
@@ -144,7 +144,7 @@ def _outcome(search: Searched, causes: Sequence[Cause]) -> str:
     return PARAMETERS if search.moved else QUIET
 
 
-def _entered(search: Searched) -> list[tuple[Step, Rival]]:
+def _entered(search: Search) -> list[tuple[Step, Rival]]:
     """The steps by which parts entered, with what did; none where all were withdrawn."""
     if search.final.fit is None or not search.final.fit.model.parts:
         return []
@@ -186,7 +186,7 @@ def gaps_on(answer: Answer, evidence: Evidence) -> list[SignalGap]:
     if search is None:
         return []
     # The form of what has entered was measured on the runs judged before.
-    question = replace(search.question, held_out=evidence, form=())
+    question = replace(search.question, held_out=evidence, form_sd=())
     rivals = [question.of_point(question.point_of(stage)) for stage in answer.stages]
     replayed = [r for r in rivals if r is not None]
     return signal_gaps(question, replayed) if len(replayed) == len(rivals) else []

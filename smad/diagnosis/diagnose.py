@@ -14,7 +14,7 @@ from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.paired.notes import compared, notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import Effect, PlantModel
-from smad.diagnosis.questions import Inquiry, changed_pairs, changed_runs, differs
+from smad.diagnosis.questions import AdmittedRuns, changed_pairs, changed_runs, differs
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import (
     CAUSES,
@@ -68,7 +68,7 @@ def diagnose(
         headline = f"no run {lacking} can be used"
         answer = Answer(verdict=Verdict(question=question, outcome=REFUSED, headline=headline))
     else:
-        inquiry = Inquiry(
+        admitted = AdmittedRuns(
             plant=with_places(plant),
             fit=roles[FIT],
             held_out=roles[HOLD_OUT],
@@ -78,10 +78,10 @@ def diagnose(
             say=progress,
         )
         if good:
-            answer, in_question = _of_changed(inquiry)
-            findings += goes_further(in_question, inquiry.good, plant) if in_question else []
+            answer, in_question = _of_changed(admitted)
+            findings += goes_further(in_question, admitted.good, plant) if in_question else []
         else:
-            search = differs(inquiry)
+            search = differs(admitted)
             answer = answer_of(search, question=DIFFERS)
     return answer.with_verdict(
         findings=findings,
@@ -93,16 +93,16 @@ def diagnose(
     )
 
 
-def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
+def _of_changed(admitted: AdmittedRuns) -> tuple[Answer, Sequence[GapRun]]:
     """What is new since the good runs, and the runs that were judged beside no good one.
 
     Runs that repeat good ones show the smallest changes. Where they show no cause, the others are
     asked: an effect may act in these alone.
     """
-    runs = (*inquiry.fit, *inquiry.held_out)
-    repeating = changed_pairs(inquiry)
+    runs = (*admitted.fit, *admitted.held_out)
+    repeating = changed_pairs(admitted)
     if repeating is None:
-        return _of_changed_runs(inquiry), runs
+        return _of_changed_runs(admitted), runs
     search, pairs = repeating
     answer = answer_of(search, question=CHANGED, gaps_of=PAIRED)
     notes = [compared(pairs), *notes_of(pairs)]
@@ -114,7 +114,7 @@ def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
     if answer.verdict.outcome not in _NO_CAUSE:
         note = f"not judged, since no good run has their inputs: {listed}; diagnose them separately"
         return answer.with_verdict(notes=[*notes, note]), ()
-    apart = inquiry.of(names)
+    apart = admitted.of(names)
     apart_runs, of_others = (*apart.fit, *apart.held_out), _of_changed_runs(apart)
     same, more = answer.verdict.outcome, of_others.verdict.outcome
     if more == QUIET or (same == PARAMETERS and more != CAUSES):
@@ -124,9 +124,9 @@ def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
     return of_others.with_verdict(notes=[note, *notes]), apart_runs
 
 
-def _of_changed_runs(inquiry: Inquiry) -> Answer:
+def _of_changed_runs(admitted: AdmittedRuns) -> Answer:
     """What is new in runs with inputs of their own."""
-    return answer_of(changed_runs(inquiry), question=CHANGED)
+    return answer_of(changed_runs(admitted), question=CHANGED)
 
 
 def _require_runs(runs: Sequence[object]) -> None:

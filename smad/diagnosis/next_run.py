@@ -39,8 +39,8 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
         return [], []
     evidence, model = search.question.evidence, search.question.model
     plant = model.plant
-    left = (without_drifts(evidence, f.left) for f in fits)
-    variances = min(map(evidence.variances, left), key=lambda v: v.sum())
+    residual = (without_drifts(evidence, f.residual) for f in fits)
+    variances = min(map(evidence.variances, residual), key=lambda v: v.sum())
     scale = evidence.floors * np.sqrt(np.maximum(variances, 1.0))
     words = [rival_words(plant, r) for r in answer.alternatives]
     out: list[Offer] = []

@@ -17,7 +17,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from smad.diagnosis.data.noise import estimate_floors
-from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
+from smad.diagnosis.paired.difference import PairedRuns, pair_runs, question_of_pairs
 from smad.diagnosis.paired.good import good_runs
 from smad.diagnosis.paired.match import grouped, same_programme
 from smad.diagnosis.places.bare import InWindows, unwrapped
@@ -25,7 +25,7 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Array, Effect, ModelPoint, nominal_point
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.rival import Question, day_variance, question_of
-from smad.diagnosis.rivals.search import Searched, searched
+from smad.diagnosis.rivals.search import Search, run_search
 from smad.diagnosis.rivals.uncertainty import Precision
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say
@@ -35,7 +35,7 @@ _MOST_OF_GOOD = 2
 
 
 @dataclass(frozen=True, kw_only=True)
-class Inquiry:
+class AdmittedRuns:
     """Runs that were admitted: `fit` to fit, `held_out` to judge on (or none), and `good` ones.
 
     Rows are of `period_s`.
@@ -49,7 +49,7 @@ class Inquiry:
     period_s: float
     say: Say
 
-    def of(self, names: Sequence[str]) -> Inquiry:
+    def of(self, names: Sequence[str]) -> AdmittedRuns:
         """The same of some runs in question; if all are held out, they are fitted as well."""
         fit, held_out = (
             tuple(run for run in runs if run.name in names) for runs in (self.fit, self.held_out)
@@ -86,45 +86,45 @@ class Inquiry:
         )
 
 
-def differs(inquiry: Inquiry) -> Searched:
+def differs(admitted: AdmittedRuns) -> Search:
     """What the simulator lacks. Raises GapError where the model cannot replay the runs."""
-    start = nominal_point(inquiry.plant)
-    return searched(inquiry.question(start, inquiry.fit, inquiry.held_out, inquiry.floors))
+    start = nominal_point(admitted.plant)
+    return run_search(admitted.question(start, admitted.fit, admitted.held_out, admitted.floors))
 
 
-def changed_pairs(inquiry: Inquiry) -> tuple[Searched, Paired] | None:
+def changed_pairs(admitted: AdmittedRuns) -> tuple[Search, PairedRuns] | None:
     """What is new in runs that repeat good ones, and the pairs that say so; None where no run does.
 
     Raises GapError as `differs`.
     """
     # What is replayed from its readings begins elsewhere on another day: nothing cancels.
-    comparable = () if isinstance(unwrapped(inquiry.plant), InWindows) else inquiry.good
-    same = partial(same_programme, inquiry.plant, period_s=inquiry.period_s)
+    comparable = () if isinstance(unwrapped(admitted.plant), InWindows) else admitted.good
+    same = partial(same_programme, admitted.plant, period_s=admitted.period_s)
     groups = grouped(comparable, same)
     repeats = []
-    for run in (*inquiry.fit, *inquiry.held_out):
+    for run in (*admitted.fit, *admitted.held_out):
         repeated = next((good for good, *_ in groups if same(run, good)), None)
         if repeated is not None:
             repeats.append((run, repeated.name))
     if not repeats:
         return None
-    inquiry.say("the good runs")
-    good = good_runs(inquiry.plant, groups, inquiry.period_s)
-    pairs = paired(inquiry.plant, good, repeats)
-    question = question_of_pairs(pairs, inquiry.effects, inquiry.say)
-    return searched(question), pairs
+    admitted.say("the good runs")
+    good = good_runs(admitted.plant, groups, admitted.period_s)
+    pairs = pair_runs(admitted.plant, good, repeats)
+    question = question_of_pairs(pairs, admitted.effects, admitted.say)
+    return run_search(question), pairs
 
 
-def changed_runs(inquiry: Inquiry) -> Searched:
+def changed_runs(admitted: AdmittedRuns) -> Search:
     """What is new in runs with inputs of their own. Raises GapError as `differs`."""
-    plant = inquiry.plant
+    plant = admitted.plant
     n = len(plant.parameters)
-    inquiry.say("the good runs")
-    question = inquiry.question(nominal_point(plant), inquiry.good, (), inquiry.floors)
-    good = searched(question, most=_MOST_OF_GOOD, exchange=False)
+    admitted.say("the good runs")
+    question = admitted.question(nominal_point(plant), admitted.good, (), admitted.floors)
+    good = run_search(question, most=_MOST_OF_GOOD, exchange=False)
     counts = question.judged.counts.sum(axis=0)
     rms = np.sqrt(good.final.squares.sum(axis=0) / np.maximum(counts, 1.0))
-    floors = inquiry.floors * np.maximum(rms, 1.0)
+    floors = admitted.floors * np.maximum(rms, 1.0)
     uncertainty = np.diag(day_variance(plant))
     start = question.model.start
     if good.final.fit is not None:
@@ -135,8 +135,8 @@ def changed_runs(inquiry: Inquiry) -> Searched:
         precision = Precision.at(question.evidence, known)
         uncertainty = uncertainty + precision.covariance(known)[:n, :n]
     tied = np.asarray(np.linalg.inv(uncertainty))
-    new = inquiry.question(start, inquiry.fit, inquiry.held_out, floors, tied)
+    new = admitted.question(start, admitted.fit, admitted.held_out, floors, tied)
     # What the good runs leave above the noise is the model's form, and stands in these runs, too. A
     # lead may come from any channel: the one with the largest share decides.
-    form = 1.0 - (inquiry.floors / floors)[counts > 0] ** 2
-    return searched(replace(new, form_share=float(form.max()), good=len(inquiry.good)))
+    form = 1.0 - (admitted.floors / floors)[counts > 0] ** 2
+    return run_search(replace(new, form_share=float(form.max()), good=len(admitted.good)))

@@ -16,7 +16,7 @@ import numpy as np
 from smad.counted import listed
 from smad.diagnosis.data.columns import (
     EVEN,
-    Say,
+    NoteFinding,
     filled,
     jitter,
     lost_share,
@@ -24,7 +24,7 @@ from smad.diagnosis.data.columns import (
     up_to_first_hole,
     with_lost,
 )
-from smad.diagnosis.data.contract import replayed, require_contract
+from smad.diagnosis.data.contract import checked_replay, require_contract
 from smad.diagnosis.data.doubts import doubted_columns
 from smad.diagnosis.data.grid import LEAST_PERIODS, MOST_ROWS, row_length_s
 from smad.diagnosis.data.guards import without_repeats
@@ -173,13 +173,13 @@ def _admit_one(
     if not contract_run:
         require_contract(plant, run)
         contract_run.append(run)
-    predicted = replayed(plant, run)
+    predicted = checked_replay(plant, run)
     run = used(run, predicted, plant, say=say)
     if any(f.refuses for f in findings):
         return run, findings
     # A replay may begin from what was measured.
     if run.outputs.keys() != given.outputs.keys():
-        predicted = replayed(plant, run)
+        predicted = checked_replay(plant, run)
     compare(run, predicted, plant, period_s, say=say)
     for text in doubted_columns(plant, run, predicted):
         say("column doubted", text)
@@ -187,7 +187,7 @@ def _admit_one(
 
 
 def _require_length(
-    run: GapRun, given: GapRun, plant: PlantModel, period_s: float, say: Say
+    run: GapRun, given: GapRun, plant: PlantModel, period_s: float, say: NoteFinding
 ) -> None:
     """Refuses a run that is too short, or sampled too slowly."""
     least_s = max(LEAST_PERIODS * period_s, traits_of(plant).shortest_s)
@@ -211,7 +211,7 @@ def _require_length(
         say("time uneven", text)
 
 
-def _require_channel(run: GapRun, given: GapRun, plant: PlantModel, say: Say) -> None:
+def _require_channel(run: GapRun, given: GapRun, plant: PlantModel, say: NoteFinding) -> None:
     """Refuses a run that has no reading of any channel, and names these."""
     names = [c.name for c in plant.channels]
     if any(n in run.outputs and np.isfinite(run.outputs[n]).any() for n in names):
@@ -230,7 +230,9 @@ def _require_channel(run: GapRun, given: GapRun, plant: PlantModel, say: Say) ->
     )
 
 
-def _require_rows(run: GapRun, cut: GapRun, plant: PlantModel, period_s: float, say: Say) -> None:
+def _require_rows(
+    run: GapRun, cut: GapRun, plant: PlantModel, period_s: float, say: NoteFinding
+) -> None:
     """Refuses a run of which too few rows can be compared; says what is lost of one that can.
 
     `cut`: the run with NaN where there is no reading, and without the samples that were lost.

@@ -24,7 +24,7 @@ EVEN = 0.1
 """The `jitter` of a time up to which its steps are even."""
 _SURE = 6.0
 """Times the jitter, over the root of the steps, that are three standard errors of their median."""
-Say = Callable[..., None]
+NoteFinding = Callable[..., None]
 """Notes a finding about the run at hand: `kind`, `text`, and by name whether it `refuses` it."""
 
 
@@ -32,7 +32,7 @@ def readable(
     run: GapRun,
     inputs: Sequence[Signal],
     channels: Sequence[Channel],
-    say: Say,
+    say: NoteFinding,
     longest_step_s: float = math.inf,
 ) -> GapRun:
     """The run with NaN for what is no reading, without channels that hold too few.
@@ -138,7 +138,7 @@ def with_lost(run: GapRun) -> GapRun:
     )
 
 
-def up_to_first_hole(run: GapRun, row_s: float, say: Say) -> GapRun:
+def up_to_first_hole(run: GapRun, row_s: float, say: NoteFinding) -> GapRun:
     """The run up to its first time without samples, or without inputs, that is longer than a row.
 
     What the model would be driven by in a hole is not known, so neither is the state after it. A

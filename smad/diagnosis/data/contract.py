@@ -19,7 +19,7 @@ def require_contract(plant: PlantModel, run: GapRun) -> None:
     The run is replayed twice: a model that keeps a state from one call to the next would blame the
     bench for it.
     """
-    first, second = replayed(plant, run), replayed(plant, run)
+    first, second = checked_replay(plant, run), checked_replay(plant, run)
     for name, course in first.items():
         if not np.array_equal(course, second[name], equal_nan=True):
             apart = np.flatnonzero(course != second[name])
@@ -40,7 +40,7 @@ def require_contract(plant: PlantModel, run: GapRun) -> None:
                 raise _broken(plant, "regimes", run, f"gives mask {name} in another form", wrong)
 
 
-def replayed(plant: PlantModel, run: GapRun) -> dict[str, Array]:
+def checked_replay(plant: PlantModel, run: GapRun) -> dict[str, Array]:
     """What the nominal model predicts of each channel of a run. Raises PlantMismatch."""
     outputs = _called(plant, "simulate", run)
     if not isinstance(outputs, Mapping):

@@ -108,7 +108,7 @@ def row_length_s(runs: Sequence[GapRun], plant: PlantModel) -> float:
         return PERIOD_S
     least_s = traits_of(plant).shortest_s
     runs = [run for run in runs if run.duration_s + run.dt_s >= least_s] or runs
-    usual = correlation_time_s(runs, plant)
+    usual = median_correlation_time_s(runs, plant)
     lengths_s = [run.duration_s for run in runs]
     short_s = min(lengths_s) / (_AMPLE * LEAST_PERIODS)
     wanted_s = min(PERIOD_S if usual is None else usual / _ROWS, short_s)
@@ -119,7 +119,7 @@ def row_length_s(runs: Sequence[GapRun], plant: PlantModel) -> float:
     return sample_s if few else sample_s * max(float(np.ceil(wanted_s / sample_s - _NEARLY)), 1.0)
 
 
-def correlation_time_s(runs: Sequence[GapRun], plant: PlantModel) -> float | None:
+def median_correlation_time_s(runs: Sequence[GapRun], plant: PlantModel) -> float | None:
     """Median over the channels of the time in which their autocorrelation falls to 1/e.
 
     Of each channel the median over the runs; None where no run has a channel that moves.
@@ -127,14 +127,17 @@ def correlation_time_s(runs: Sequence[GapRun], plant: PlantModel) -> float | Non
     by_channel = []
     for channel in plant.channels:
         times = [
-            t for r in runs if channel.name in r.outputs if (t := _time_s(r, channel.name)) > 0.0
+            t
+            for r in runs
+            if channel.name in r.outputs
+            if (t := _correlation_time_s(r, channel.name)) > 0.0
         ]
         if times:
             by_channel.append(float(np.median(times)))
     return float(np.median(by_channel)) if by_channel else None
 
 
-def _time_s(run: GapRun, channel: str) -> float:
+def _correlation_time_s(run: GapRun, channel: str) -> float:
     """Correlation time of one channel of one run; 0 where it does not move, or only as noise."""
     if len(run.t_s) < 8 or not np.isfinite(run.outputs[channel]).any():
         return 0.0

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from smad.diagnosis.data.columns import Say
+from smad.diagnosis.data.columns import NoteFinding
 from smad.diagnosis.data.grid import Grid
 from smad.diagnosis.plant import Array, Channel, PlantModel
 from smad.diagnosis.runs import GapRun
@@ -27,7 +27,9 @@ _HARDLY, _FOLLOWS = 0.3, 0.5
 """Correlations of changes from row to row: hardly related, and clearly."""
 
 
-def used(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, *, say: Say) -> GapRun:
+def used(
+    run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, *, say: NoteFinding
+) -> GapRun:
     """The run with the channels and samples that can be used; the others are said.
 
     Refuses a run that the model cannot replay, or in which nothing moves or is measured.
@@ -55,7 +57,9 @@ def used(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, *, say:
     return _without_stuck(run, predicted, plant, say)
 
 
-def _say_undriven(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, say: Say) -> None:
+def _say_undriven(
+    run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, say: NoteFinding
+) -> None:
     """Of a run whose inputs never change: a decay from a start that the model has, or nothing."""
 
     def moves(columns: Mapping[str, Array]) -> list[str]:
@@ -89,7 +93,7 @@ def least_move(channel: Channel) -> float:
 
 
 def _without_stuck(
-    run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, say: Say
+    run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, say: NoteFinding
 ) -> GapRun:
     """The run with samples marked in which a noisy reading stays the same while it should move."""
     valid = run.good.copy()
@@ -149,7 +153,12 @@ def _misfit(measured: Array, predicted: Array) -> float:
 
 
 def compare(
-    run: GapRun, replayed: Mapping[str, Array], plant: PlantModel, period_s: float, *, say: Say
+    run: GapRun,
+    replayed: Mapping[str, Array],
+    plant: PlantModel,
+    period_s: float,
+    *,
+    say: NoteFinding,
 ) -> None:
     """Say where the run looks as if it were not of these inputs, or of other cables."""
     grid = Grid.of(run, period_s)

@@ -23,7 +23,7 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, Mask, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
-from smad.diagnosis.rivals.evidence import Evidence, Trial, wandering
+from smad.diagnosis.rivals.evidence import Evidence, Trial, drift_directions
 from smad.diagnosis.rivals.rival import Question, day_variance, question_of
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say
@@ -51,7 +51,7 @@ class Pair:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Paired:
+class PairedRuns:
     """Pairs beside the good runs."""
 
     plant: PlacesPlant
@@ -61,7 +61,7 @@ class Paired:
     def evidence(self) -> Evidence:
         """The pairs as rows."""
         trials = tuple(p.trial for p in self.pairs)
-        return Evidence(trials=trials, least=0.0 if self.good.floor.degrees else 1.0)
+        return Evidence(trials=trials, least_square=0.0 if self.good.floor.degrees else 1.0)
 
     def repeated(self, known: Known | None) -> Known | None:
         """What is known of the good runs, of the pairs; None where a run has other inputs."""
@@ -71,7 +71,7 @@ class Paired:
         return replace(known, runs=tuple(of_run[p.then.name] for p in self.pairs))
 
 
-def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]]) -> Paired:
+def pair_runs(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]]) -> PairedRuns:
     """Pairs of `runs`, each with the name of the good run that it repeats.
 
     Raises PairingError for inputs that differ too much and when too little is left to judge.
@@ -86,10 +86,10 @@ def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]
             limit=_LEAST_ROWS,
             action="play the runs again to their end",
         )
-    return Paired(plant=plant, good=good, pairs=pairs)
+    return PairedRuns(plant=plant, good=good, pairs=pairs)
 
 
-def question_of_pairs(pairs: Paired, effects: Sequence[Effect], say: Say) -> Question:
+def question_of_pairs(pairs: PairedRuns, effects: Sequence[Effect], say: Say) -> Question:
     """What is new in pairs: the parameters are where the good runs have them, give or take a day.
 
     Responses and changes that are known of the good runs count for those that repeat them, though
@@ -125,11 +125,11 @@ def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pai
     rows = rows_of(plant, good, then, valid, moved)
     if not good.floor.degrees:
         # Nothing has shown how much a room wanders from one time to another.
-        wanders = wandering(plant, good.point, again)
+        has_drifts = drift_directions(plant, good.point, again)
         rows = replace(
             rows,
-            day=np.concatenate([rows.day, wanders]),
-            day_sd=np.concatenate([rows.day_sd, np.ones(len(wanders))]),
+            day=np.concatenate([rows.day, has_drifts]),
+            day_sd=np.concatenate([rows.day_sd, np.ones(len(has_drifts))]),
         )
     return Pair(
         now=run.name,

@@ -21,7 +21,7 @@ from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_po
 from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, Trial
 from smad.diagnosis.rivals.fit import fit_from_several, reference_at
-from smad.diagnosis.rivals.rival import free_model, temper_of, tempered
+from smad.diagnosis.rivals.rival import free_model, tempered_constants, with_tempered_prior
 from smad.diagnosis.runs import GapRun, bridged
 
 _CLOCK_SD_S = 0.004
@@ -204,8 +204,8 @@ def _fitted_point(plant: PlacesPlant, repeated: Sequence[_Repeats]) -> ModelPoin
         mean, count = mean_of(r.values, r.valid)
         trials.append(Trial(played=r.played, target=mean, rows=RunRows.of(least, count > 0)))
     evidence = Evidence(trials=tuple(trials))
-    temper = temper_of(shipped(), free=True, channels=evidence.recorded)
-    model = tempered(free_model(plant, nominal_point(plant)), evidence, temper)
+    constants = tempered_constants(shipped(), free=True, channels=evidence.recorded)
+    model = with_tempered_prior(free_model(plant, nominal_point(plant)), evidence, constants)
     nominal = reference_at(evidence, model, np.zeros(model.parameters))
     fitted = nominal and fit_from_several(evidence, nominal)
     return fitted.point if fitted else model.start

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from smad.diagnosis.paired.difference import Paired
+from smad.diagnosis.paired.difference import PairedRuns
 from smad.diagnosis.paired.good import GoodRun
 
 
-def compared(paired: Paired) -> str:
+def compared(paired: PairedRuns) -> str:
     """Which runs were compared with which good ones."""
     then = {p.now: _recordings(p.then) for p in paired.pairs}
     named = ", ".join(f"{now} with {good}" for now, good in then.items())
     return f"runs of the same inputs were compared: {named}"
 
 
-def notes_of(paired: Paired) -> list[str]:
+def notes_of(paired: PairedRuns) -> list[str]:
     """Facts that weaken the comparison, a sentence each."""
     out = []
     if not paired.good.floor.degrees:
@@ -46,7 +46,7 @@ def _recordings(then: GoodRun) -> str:
     return f"{then.name} and {more} more" if more > 0 else then.name
 
 
-def _lost(paired: Paired) -> str:
+def _lost(paired: PairedRuns) -> str:
     """Channels of which now most readings are missing that the good runs have, with the runs."""
     runs: dict[str, list[str]] = {}
     for p in paired.pairs:

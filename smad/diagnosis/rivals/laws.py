@@ -14,7 +14,7 @@ from smad.diagnosis.plant import Array, Index
 from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Reference
 from smad.diagnosis.rivals.parts import LawPart
-from smad.diagnosis.rivals.screening import opened
+from smad.diagnosis.rivals.screening import marginaliser
 
 MOST_TERMS = 3
 """Terms of a law at most, so that it can be read."""
@@ -29,14 +29,14 @@ def selected_laws(
 
     `responses` are of every term, at the reference or near it.
     """
-    left = evidence.left(reference.exact)
-    beside = opened(evidence, reference)
-    z = beside(left[None])[0]
+    residual = evidence.residual(reference.exact)
+    marginalised = marginaliser(evidence, reference)
+    z = marginalised(residual[None])[0]
     A = np.zeros((len(responses.runs[0]), len(z)), dtype=np.float32)
     # A law at a time: all in double precision would be a gigabyte.
     for span in responses.columns:
         raw = [r[span.start : span.stop].astype(np.float64) for r in responses.runs]
-        A[span.start : span.stop] = beside(evidence.rows(raw))
+        A[span.start : span.stop] = marginalised(evidence.rows(raw))
     rows = FoldRows(z, A, evidence.fold)
     best: dict[str, tuple[float, LawPart, Array]] = {}
     for candidate in responses.candidates():

@@ -31,11 +31,11 @@ _PARAMETER_STEP = 0.1
 class EffectPart:
     """An effect of the library; a coordinate is one of its parameters over its scale.
 
-    `quick`: averaged inputs hide what it changes, so that it is fitted by exact replays.
+    `needs_exact`: averaged inputs hide what it changes, so that it is fitted by exact replays.
     """
 
     effect: Effect
-    quick: bool = False
+    needs_exact: bool = False
 
     @property
     def name(self) -> str:
@@ -104,7 +104,7 @@ class LawPart:
     candidate: Candidate
     columns: Index
     responses: Responses
-    quick: ClassVar[bool] = False
+    needs_exact: ClassVar[bool] = False
     has_strength: ClassVar[bool] = True
 
     @property
@@ -145,7 +145,7 @@ class Model:
     """Coordinates x (k,): parameters in prior standard deviations from `start`, then the parts'.
 
     `parameter_precision` (p, p) is that of the parameters' normal prior around the start.
-    `rows_as_one` is how many rows of a fit a score counts as one: a fit counts the prior as much
+    `prior_weight` is how many rows of a fit a score counts as one: a fit counts the prior as much
     more, so that it finds what the score prefers.
     """
 
@@ -153,7 +153,7 @@ class Model:
     start: ModelPoint
     parameter_precision: Array
     parts: tuple[Part, ...] = ()
-    rows_as_one: float = 1.0
+    prior_weight: float = 1.0
 
     @property
     def parameters(self) -> int:
@@ -161,9 +161,9 @@ class Model:
         return len(self.plant.parameters)
 
     @property
-    def quick(self) -> bool:
+    def needs_exact(self) -> bool:
         """Whether averaged inputs hide what one of its parts changes."""
-        return any(part.quick for part in self.parts)
+        return any(part.needs_exact for part in self.parts)
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
@@ -189,7 +189,7 @@ class Model:
         mean = np.concatenate([np.zeros(self.parameters), *(m for m, _ in of_parts)])
         precision = np.zeros((len(mean), len(mean)))
         n = self.parameters
-        precision[:n, :n] = self.rows_as_one * self.parameter_precision
+        precision[:n, :n] = self.prior_weight * self.parameter_precision
         diagonal = np.arange(n, len(mean))
         precision[diagonal, diagonal] = np.concatenate([np.zeros(0), *(p for _, p in of_parts)])
         return mean, precision

@@ -42,37 +42,40 @@ class Screened:
     gain: float
 
 
-def opened(evidence: Evidence, reference: Reference) -> Callable[[Array], Array]:
+def marginaliser(evidence: Evidence, reference: Reference) -> Callable[[Array], Array]:
     """What takes rows (m, n) times the root of their weights at the reference, and opens beside
     them whatever that has slopes of, within its prior."""
-    weight = weights(evidence, evidence.left(reference.exact))
+    weight = weights(evidence, evidence.residual(reference.exact))
     count = len(reference.slopes)
     _, precision = reference.model.prior
     root = np.linalg.cholesky(np.linalg.inv(precision[:count, :count]))
-    weighted = evidence.weighted(weight)
-    shrink = Shrink(weighted(root.T @ reference.slopes))
-    return lambda values: shrink(weighted(values))
+    whitening = evidence.whitening(weight)
+    shrink = Shrink(whitening(root.T @ reference.slopes))
+    return lambda values: shrink(whitening(values))
 
 
-def variances_beside(evidence: Evidence, reference: Reference) -> Callable[[Array], Array]:
+def marginal_variances(evidence: Evidence, reference: Reference) -> Callable[[Array], Array]:
     """What gives the mean square of rows (n,) in each channel, in floors, (channels,).
 
     Whatever the reference has slopes of is open beside them.
     """
-    weight = weights(evidence, evidence.left(reference.exact))
-    beside, root = opened(evidence, reference), np.sqrt(np.where(weight > 0.0, weight, 1.0))
-    return lambda rows: evidence.variances(beside(rows[None])[0] / root)
+    weight = weights(evidence, evidence.residual(reference.exact))
+    marginalised, root = (
+        marginaliser(evidence, reference),
+        np.sqrt(np.where(weight > 0.0, weight, 1.0)),
+    )
+    return lambda rows: evidence.variances(marginalised(rows[None])[0] / root)
 
 
-def screened(evidence: Evidence, reference: Reference, changes: Sequence[Change]) -> list[Screened]:
+def screen(evidence: Evidence, reference: Reference, changes: Sequence[Change]) -> list[Screened]:
     """Effects by what they take of what the reference leaves, the best first."""
-    left = evidence.left(reference.exact)
-    beside = opened(evidence, reference)
-    z = beside(left[None])[0]
+    residual = evidence.residual(reference.exact)
+    marginalised = marginaliser(evidence, reference)
+    z = marginalised(residual[None])[0]
     promising: dict[str, list[tuple[float, Array]]] = {}
     parts = {change.effect.name: EffectPart(change.effect) for change in changes}
     for change in changes:
-        s = beside(change.rows[None].astype(np.float64))[0]
+        s = marginalised(change.rows[None].astype(np.float64))[0]
         square, along = float(s @ s), float(s @ z)
         effect = change.effect
         strengths = {q.name for q in effect.parameters if q.strength}
@@ -99,14 +102,14 @@ def worth_a_fit(ranked: Sequence[Screened]) -> list[Screened]:
     return [s for k, s in enumerate(ranked) if k < _MOST or not s.part.has_strength]
 
 
-def started(
+def best_starts(
     evidence: Evidence, reference: Reference, candidates: Sequence[Screened]
 ) -> list[tuple[EffectPart, Array]]:
     """Effects with the coordinates beside the reference's at which a replay leaves least.
 
     The starts of each are compared, and a weaker one, with the parameters open beside them.
     """
-    variances = variances_beside(evidence, reference)
+    variances = marginal_variances(evidence, reference)
     rows = evidence.counts.sum(axis=0)
 
     def least(part: EffectPart, start: Array) -> float:
@@ -115,8 +118,10 @@ def started(
         predicted = replayed(evidence, model.point(x), model, exact=False)
         if predicted is None:
             return np.inf
-        left = evidence.left([p + s for p, s in zip(predicted, reference.shift, strict=True)])
-        return float(rows @ np.log(variances(left) + 1.0))
+        residual = evidence.residual(
+            [p + s for p, s in zip(predicted, reference.shift, strict=True)]
+        )
+        return float(rows @ np.log(variances(residual) + 1.0))
 
     out = []
     for s in candidates:

@@ -64,9 +64,9 @@ class Precision:
 
 def _inverse_curvature(evidence: Evidence, fitted: Fit, slopes: Array) -> Array:
     """Inverse of half the second derivatives of F, (k, k), with these slopes (k, n)."""
-    tau = np.maximum(CORRELATED, evidence.correlation_rows(fitted.left))
-    J = evidence.weighted(weights(evidence, fitted.left, tau=tau))(slopes)
-    _, precision = replace(fitted.model, rows_as_one=1.0).prior
+    tau = np.maximum(CORRELATED, evidence.correlation_rows(fitted.residual))
+    J = evidence.whitening(weights(evidence, fitted.residual, tau=tau))(slopes)
+    _, precision = replace(fitted.model, prior_weight=1.0).prior
     return np.asarray(np.linalg.inv(J @ J.T + precision + RIDGE * np.eye(len(precision))))
 
 

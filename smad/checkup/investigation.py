@@ -14,13 +14,13 @@ import msgspec
 
 from smad.checkup.errors import BaselineError
 from smad.checkup.files import read_file
-from smad.checkup.investigate import Proposal, propose, unpaired_offers
-from smad.checkup.judge import Judged, judged
+from smad.checkup.judge import CheckUpAnswer, judge_check_up
 from smad.checkup.programme import Programme, ProgrammeRun
+from smad.checkup.proposal import Proposal, propose, unpaired_offers
 from smad.checkup.series import Play, keep, newest_open, write_whole
 from smad.counted import counted
 from smad.diagnosis.answer import gaps_on
-from smad.diagnosis.paired.difference import paired
+from smad.diagnosis.paired.difference import pair_runs
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.spring_pair import SmaPlant
@@ -81,7 +81,7 @@ def open_folder(folder: Path) -> Path:
 
 
 @dataclass
-class Inquiry:
+class Investigation:
     """An investigation in a folder.
 
     It begins with the quick runs of the programme, and ends with them, held out as proof.
@@ -157,9 +157,9 @@ class Inquiry:
 
     def _judged(
         self, report: Report, quick: Sequence[ProgrammeRun], progress: Say
-    ) -> tuple[Judged, Proposal]:
+    ) -> tuple[CheckUpAnswer, Proposal]:
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if not r.held_out]
-        judgement = judged(self.plant, self.reference, runs, progress=progress)
+        judgement = judge_check_up(self.plant, self.reference, runs, progress=progress)
         costs = self._costs_s(report)
         reserved = sum(costs[run.name] for run in quick)
         left_s = self.seconds - self.spent_s(report) - reserved
@@ -172,17 +172,19 @@ class Inquiry:
         rest = max(rests, default=REST_S)
         return {r.name: lengths[r.name] + rest for r in self.reference.runs}
 
-    def _proved(self, report: Report, quick: Sequence[ProgrammeRun], judgement: Judged) -> Report:
+    def _proved(
+        self, report: Report, quick: Sequence[ProgrammeRun], judgement: CheckUpAnswer
+    ) -> Report:
         """The check-up once more, held out: what the model made before leaves of it."""
         for run in quick[sum(r.held_out for r in report.records) :]:
             report = self._played(report, run, "for proof", held_out=True)
             if report.records[-1].ended:
                 break
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
-        pairs = paired(with_places(self.plant), self.reference, runs)
+        pairs = pair_runs(with_places(self.plant), self.reference, runs)
         return msgspec.structs.replace(report, proof=gaps_on(judgement, pairs.evidence()))
 
-    def _with_model(self, report: Report, judgement: Judged) -> Report:
+    def _with_model(self, report: Report, judgement: CheckUpAnswer) -> Report:
         path = self.folder / "model.toml"
         action = "make room; the runs are kept, and the same command continues"
         with refused_by_system(BaselineError, f"cannot write {path}", action=action):

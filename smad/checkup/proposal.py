@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.checkup.judge import Judged
+from smad.checkup.judge import CheckUpAnswer
 from smad.checkup.programme import Programme
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.next_run import separation
 from smad.diagnosis.numerics.white import RunRows, Shrink
-from smad.diagnosis.paired.difference import Paired, rows_of
+from smad.diagnosis.paired.difference import PairedRuns, rows_of
 from smad.diagnosis.paired.good import GoodRun
 from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.describe import rival_words
@@ -50,7 +50,7 @@ class Proposal:
     offers: tuple[Offer, ...] = ()
 
 
-def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> Proposal:
+def propose(judgement: CheckUpAnswer, costs_s: Mapping[str, float], left_s: float) -> Proposal:
     """The run that best separates what stays, for its time; none when it is settled or of no use.
 
     `costs_s` is what playing each run takes, `left_s` the time that is left. Each run is
@@ -94,13 +94,13 @@ def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> P
     return Proposal(None if best is None else best.run, why, names, offers)
 
 
-def _not_played(paired: Paired) -> list[GoodRun]:
+def _not_played(paired: PairedRuns) -> list[GoodRun]:
     """Runs of the baseline that no pair repeats."""
     done = {pair.then.name for pair in paired.pairs}
     return [run for run in paired.good.runs if run.name not in done]
 
 
-def _offers(judgement: Judged) -> list[Offer]:
+def _offers(judgement: CheckUpAnswer) -> list[Offer]:
     """Runs of the baseline that were not played yet, with their separation."""
     pairs = judgement.pairs
     sd = np.sqrt(day_variance(pairs.plant))
@@ -112,7 +112,7 @@ def _offers(judgement: Judged) -> list[Offer]:
     return out
 
 
-def unpaired_offers(judgement: Judged, programme: Programme) -> list[Offer]:
+def unpaired_offers(judgement: CheckUpAnswer, programme: Programme) -> list[Offer]:
     """Runs of the programme that the baseline lacks, as far as the model can say; best first.
 
     Without a good recording the model's own form error stays in, so this is more than they bring.
@@ -130,7 +130,9 @@ def unpaired_offers(judgement: Judged, programme: Programme) -> list[Offer]:
     return sorted(out, key=lambda o: -o.separation)
 
 
-def _offer(judgement: Judged, run: str, played: Played, rows: RunRows, slopes: Array) -> Offer:
+def _offer(
+    judgement: CheckUpAnswer, run: str, played: Played, rows: RunRows, slopes: Array
+) -> Offer:
     """A run with the separation of the rivals that stay, in rows beside `slopes`.
 
     The variance of a row is the mean square that is left beside what is told; 1 at least.
