@@ -1,7 +1,4 @@
-"""A check-up: the runs of now against a baseline, or against files of a good day.
-
-The way is the same each time: read what was good, play or read the runs of now, judge.
-"""
+"""A check-up: the runs of now against a baseline, or against files of a good day."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ from smad.checkup.files import (
     require_one_bench,
     require_other_recordings,
 )
-from smad.checkup.judge import CheckUpAnswer, judge_check_up
+from smad.checkup.judge import Judgement, judge_runs
 from smad.checkup.programme import Programme
 from smad.checkup.proposal import Proposal, propose
 from smad.checkup.series import Play, folder_for, play_series, read_state
@@ -75,7 +72,7 @@ def check_folder(
     say: Say,
     progress: Say,
     recorded_for_it: bool = False,
-) -> CheckUpAnswer:
+) -> Judgement:
     """The verdict over the runs in `now` that the baseline has.
 
     Unless they were `recorded_for_it`, the good runs must not be among them. Raises BaselineError
@@ -98,14 +95,12 @@ def check_folder(
             limit=", ".join(sorted(names)),
             action="name the files after the runs of the programme, or use --good",
         )
-    return judge_check_up(
-        plant, baseline.reference, [(f.run, f.name) for f in runs], progress=progress
-    )
+    return judge_runs(plant, baseline.reference, [(f.run, f.name) for f in runs], progress=progress)
 
 
 def proposed(
     folder: Path, baseline: Baseline, plant: PlantModel, progress: Say
-) -> tuple[CheckUpAnswer, Proposal]:
+) -> tuple[Judgement, Proposal]:
     """The verdict over the newest check-up or investigation in the folder of a baseline, and what
     to play after it if each run takes as long.
 
@@ -125,13 +120,11 @@ def proposed(
         for f in read_folder(newest)
     ]
     runs = [(run, name) for run, name in named if name in names]
-    judgement = judge_check_up(plant, baseline.reference, runs, progress=progress)
+    judgement = judge_runs(plant, baseline.reference, runs, progress=progress)
     return judgement, propose(judgement, dict.fromkeys(names, 1.0), left_s=1.0)
 
 
-def check_files(
-    plant: PlantModel, good: Path, now: Path, *, say: Say, progress: Say
-) -> CheckUpAnswer:
+def check_files(plant: PlantModel, good: Path, now: Path, *, say: Say, progress: Say) -> Judgement:
     """The verdict over the files of a good day and of now in two folders.
 
     `say` tells what is left out of them, and what was paired with what.
@@ -151,7 +144,7 @@ def check_files(
 
 def checked_files(
     plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile], progress: Say = silent
-) -> tuple[CheckUpAnswer, Matched]:
+) -> tuple[Judgement, Matched]:
     """The verdict over files of a good day and of now, and what was paired with what.
 
     Raises PairingError when nothing is paired, when a run of now is one of the good ones, when a
@@ -167,7 +160,7 @@ def checked_files(
             action="play the same programme on both days; smad docs guide/check-up says how",
         )
     reference = commissioned(plant, matched.groups, progress=progress)
-    return judge_check_up(plant, reference, matched.now, progress=progress), matched
+    return judge_runs(plant, reference, matched.now, progress=progress), matched
 
 
 def _say_notes(runs: Sequence[RunFile], say: Say) -> None:

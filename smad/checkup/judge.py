@@ -1,7 +1,7 @@
-"""What is new with the same inputs: now − then, asked by the rule of every other question.
+"""The verdict of a check-up: what has changed, from now − then with the same inputs.
 
-A rival predicts the change of a pair by a replay with it minus a replay without; the floor and the
-correlation of what is left come from the repeats of the good bench.
+A rival predicts the change of a pair by a replay with it minus one without. Floor and correlation
+of the residual come from the repeats of the good bench.
 """
 
 from __future__ import annotations
@@ -23,11 +23,10 @@ from smad.diagnosis.rivals.search import run_search
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHECK_UP, PAIRED, RunRecord
 from smad.progress import Say, silent
-from smad.version import VERSION
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CheckUpAnswer(Answer):
+class Judgement(Answer):
     """An answer with the pairs that it is of."""
 
     pairs: PairedRuns
@@ -39,12 +38,12 @@ class CheckUpAnswer(Answer):
 
 
 @repeatable
-def judge_check_up(
+def judge_runs(
     plant: PlantModel,
     reference: GoodRuns,
     runs: Sequence[tuple[GapRun, str]],
     progress: Say = silent,
-) -> CheckUpAnswer:
+) -> Judgement:
     """The verdict over runs of now, each with the name of the good run that it repeats.
 
     Raises PairingError for inputs that differ too much, and GapError where the model cannot replay
@@ -55,12 +54,7 @@ def judge_check_up(
     pairs = pair_runs(placed, reference, runs)
     search = run_search(question_of_pairs(pairs, plant.effects, progress))
     answer = answer_of(search, question=CHECK_UP, gaps_of=PAIRED)
-    answer = answer.with_verdict(
-        notes=notes_of(pairs),
-        runs=[RunRecord.of(run, FIT, name) for run, name in runs],
-        plant=plant.name,
-        plant_version=plant.version,
-        smad_version=VERSION,
-        seconds=round(time.perf_counter() - began, 2),
-    )
-    return CheckUpAnswer(pairs=pairs, **vars(answer))
+    records = [RunRecord.of(run, FIT, name) for run, name in runs]
+    seconds = time.perf_counter() - began
+    answer = answer.stamped(plant, seconds, notes=notes_of(pairs), runs=records)
+    return Judgement(pairs=pairs, **vars(answer))

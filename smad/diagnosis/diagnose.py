@@ -28,10 +28,9 @@ from smad.diagnosis.verdict import (
     Verdict,
 )
 from smad.progress import Say, silent
-from smad.version import VERSION
 
 _NO_CAUSE = {QUIET: "nothing new", PARAMETERS: "no cause"}
-"""What is said of runs that repeat good ones, by an outcome after which the others are asked."""
+"""Outcomes of runs that repeat good ones after which the other runs are judged, in words."""
 
 
 @repeatable
@@ -83,21 +82,15 @@ def diagnose(
         else:
             search = differs(admitted)
             answer = answer_of(search, question=DIFFERS)
-    return answer.with_verdict(
-        findings=findings,
-        runs=_records(groups),
-        plant=plant.name,
-        plant_version=plant.version,
-        smad_version=VERSION,
-        seconds=round(time.perf_counter() - began, 2),
-    )
+    seconds = time.perf_counter() - began
+    return answer.stamped(plant, seconds, findings=findings, runs=_records(groups))
 
 
 def _of_changed(admitted: AdmittedRuns) -> tuple[Answer, Sequence[GapRun]]:
-    """What is new since the good runs, and the runs that were judged beside no good one.
+    """What is new since the good runs, and the runs that were judged without a good partner.
 
-    Runs that repeat good ones show the smallest changes. Where they show no cause, the others are
-    asked: an effect may act in these alone.
+    Runs that repeat good ones show the smallest changes. If they show no cause, the others are
+    judged: an effect may act in these alone.
     """
     runs = (*admitted.fit, *admitted.held_out)
     repeating = changed_pairs(admitted)
@@ -153,9 +146,9 @@ def library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]
 
 
 def _lacking(groups: Mapping[str, RunSet]) -> str:
-    """What the first group of runs is for that were given and of which none can be used.
+    """The purpose of the first group of runs of which none can be used; empty without such a group.
 
-    Without it another question would be answered than was asked. Runs to fit must be there.
+    Without it another question would be answered than was asked. There must be runs to fit.
     """
     for role, words in ((FIT, "to fit"), (HOLD_OUT, "held out"), (GOOD, "known to be good")):
         if (groups[role].given or role == FIT) and not groups[role].admitted:
@@ -164,7 +157,7 @@ def _lacking(groups: Mapping[str, RunSet]) -> str:
 
 
 def _records(groups: Mapping[str, RunSet]) -> list[RunRecord]:
-    """Every run that was given, by its role; refused ones as such."""
+    """A record of every run that was given, with its role or `refused`."""
     return [
         RunRecord.of(r, "refused" if r.name in group.refused else role)
         for role, group in groups.items()

@@ -1,7 +1,7 @@
 """The noise floor of each channel: from rest segments, from differences, and from the quantum.
 
-It is estimated from what was measured, and from what the simulator leaves of that. Whatever of the
-motion stays in either adds to the noise, so the less of both counts.
+It is estimated from the measurement and from the simulator's residual. Motion that remains in
+either adds to the estimate, so the smaller of both counts.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from smad.diagnosis.runs import GapRun
 _MIN_REST_ROWS = 30
 _MIN_REST_RUN = 12
 RESOLUTION = 0.001
-"""Share of a channel's excursion below which no simulator is trusted."""
+"""Resolution that no simulator is trusted below, as a share of a channel's excursion."""
 _OUTLIER = 4.0
 """Standard deviations beyond which a row at rest is no noise."""
 _BANDS = 8
@@ -38,9 +38,9 @@ def _detrended(y: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Course:
-    """Rows of one channel in one run, (rows,), where they count, and where the bench rests.
+    """Rows of one channel in one run, (rows,), their validity, and where the bench rests.
 
-    `unexplained` is what the simulator leaves of `measured`; the same where it gives no numbers.
+    `unexplained` is `measured` less the simulation, or `measured` where that is not finite.
     """
 
     measured: Array
@@ -50,7 +50,7 @@ class _Course:
 
     @classmethod
     def of(cls, run: GapRun, grid: Grid, rest: Mask, y: Array, simulated: Array) -> _Course:
-        """The course of samples `y`, (n,), where the simulator shows others and the bench rests."""
+        """The course of samples `y` with `simulated` ones and the mask `rest`, (n,) each."""
         measured, left = grid.mean(y), y - simulated
         finite = np.isfinite(left[run.good]).all()
         return cls(
@@ -62,9 +62,9 @@ class _Course:
 
 
 def _scale(values: Array) -> float:
-    """Standard deviation of values but for outliers: a lost contact or a late edge is not noise.
+    """Standard deviation without outliers: a lost contact or a late edge is not noise.
 
-    Outliers are told by the median, whose own estimate would be a third off for a hundred rows.
+    The median of |values| serves to find outliers only: as an estimate it is too uncertain.
     """
     middle = float(np.median(np.abs(values))) / 0.6745
     inliers = values[np.abs(values) <= _OUTLIER * middle]
@@ -96,10 +96,10 @@ def _sigma(values: Sequence[Array], courses: Sequence[_Course]) -> float:
 
 
 def _difference_sigma(courses: Sequence[Array]) -> float:
-    """Noise of one channel where nothing rests: what is left of it that no motion explains."""
+    """Noise of one channel without rest: the smaller estimate of differences and spectrum."""
     sigma, (quiet, bins) = third_difference_sd(courses), _quietest_band(courses)
-    # What moves within a few rows is no smooth course. Noise is at most what the spectrum has
-    # where it has least; that this is less by chance is left out by four standard errors.
+    # Motion within a few rows raises third differences. The quietest band of the spectrum bounds
+    # the noise; it counts if it is lower by more than four standard errors.
     return quiet if quiet * np.sqrt(1.0 + 4.0 / np.sqrt(bins)) < sigma else sigma
 
 
@@ -132,11 +132,7 @@ def third_difference_sd(courses: Sequence[Array]) -> float:
 
 
 def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Array:
-    """Return what a residual of each channel is measured by, in its unit; (channels,).
-
-    The noise of one row of `period_s`, and the resolution that no simulator is trusted below, in
-    quadrature.
-    """
+    """Floors of channels in their units, (channels,): noise and resolution in quadrature."""
     resolution = [
         RESOLUTION * excursion([r.outputs[c.name][r.good] for r in runs if c.name in r.outputs])
         for c in plant.channels

@@ -1,4 +1,4 @@
-"""What a reader must know of the runs that were compared with good ones."""
+"""Notes on a comparison with good runs: what was compared, and what weakens it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _recordings(then: GoodRun) -> str:
 
 
 def _lost(paired: PairedRuns) -> str:
-    """Channels of which now most readings are missing that the good runs have, with the runs."""
+    """Channels that lack most of the readings that the good runs have, with the runs."""
     runs: dict[str, list[str]] = {}
     for p in paired.pairs:
         had, has = p.then.valid.sum(axis=0), p.trial.rows.valid.sum(axis=0)

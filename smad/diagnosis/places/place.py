@@ -1,6 +1,6 @@
 """Where a plant's model can be wrong: its places, and replays that are forced there.
 
-Optional for a plant. One that offers none has its readings and its inputs as places all the same
+Optional for a plant: one without places gets its readings and inputs as places
 (`smad.diagnosis.places.bare`).
 """
 
@@ -24,7 +24,7 @@ class Place:
 
     unit: of the forcing. scale: a typical size in it. sides: single ones that can be forced.
     states: those that a law here may depend on. reading: the forcing adds to one channel and
-    nothing else, so that a single replay tells the response to any of it.
+    nothing else, so that one replay gives the response to any forcing.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Place:
 
 @runtime_checkable
 class Forceable(Protocol):
-    """What a plant has beside, if its model can be forced."""
+    """What a plant offers if its model can be forced."""
 
     @property
     def places(self) -> Sequence[Place]: ...

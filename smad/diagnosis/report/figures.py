@@ -37,11 +37,9 @@ _MORE_SIGNALS = 5
 class Course:
     """The judged run with the largest gap; `measured`, `before` and `after` are (bins, channels).
 
-    `before` is the simulator as configured, `after` with what is told, fitted without the run (None
-    where that is nothing). As they are judged, both have what wanders in the run where anything
-    does; `has_drifts` says so.
-    `floors` (bins, channels) in channel units. `order` are channels, those first that are furthest
-    off; `labels` what their axes show.
+    `before` is the simulator as configured, `after` with the causes, fitted without the run (None
+    without a fit). Both include the fitted drifts of the run, if it `has_drifts`. `floors` are
+    (bins, channels) in channel units, `order` the channels by gap, `labels` those of their axes.
     """
 
     run: str

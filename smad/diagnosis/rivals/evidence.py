@@ -7,7 +7,7 @@ the model is (the day, the room), are fitted to each run beside every model.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -18,7 +18,7 @@ from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.rows import binned, steps_in_gaps
 from smad.diagnosis.numerics.white import RunRows, Shrink, lag_one_correlation
 from smad.diagnosis.places.bare import BarePlaces
-from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.places.place import Forcing, PlacesPlant, place_named
 from smad.diagnosis.plant import Array, Index, ModelPoint, traits_of
 from smad.diagnosis.runs import GapRun
 
@@ -179,8 +179,7 @@ class Evidence:
         return out
 
     def whitening(self, weight: Array) -> Callable[[Array], Array]:
-        """A function that weights rows (m, n) by the root of `weight` and marginalises the drifts.
-        """
+        """A function that multiplies rows (m, n) by √`weight` and marginalises the drifts."""
         root = np.sqrt(weight)
         pairs = zip(self.spans, self.drift_directions, strict=True)
         shrinks = [(span, Shrink(D * root[span])) for span, D in pairs if len(D)]
@@ -307,27 +306,25 @@ def drift_directions(plant: PlacesPlant, point: ModelPoint, played: Played) -> A
     steady, small = np.ones(len(run.t_s)), np.full(len(whole.t_s), _UNTOLD)
     line = (run.t_s - run.t_s[0]) / max(run.duration_s, 1e-9)
 
-    def readings(outputs: Mapping[str, Array], *, exact: bool = False) -> Array:
+    def readings(of: GapRun, forcing: Forcing, *, exact: bool = False) -> Array:
+        outputs = plant.forced(point, of, forcing, fast=not exact)
         return played.on_grid(outputs, plant.channels, exact=exact)
 
-    base = readings(plant.forced(point, run, {}, fast=True))
-    exact = readings(plant.forced(point, whole, {}), exact=True)
-    out = [np.zeros((0, *base.shape))]
-    places = {p.name: p for p in plant.places}
+    base, exact_base = readings(run, {}), readings(whole, {}, exact=True)
+    drifts: list[Array] = []
     for name, size in traits_of(plant).drift.items():
-        for side in places[name].sides:
-            for course in (steady, line):
-                forced = plant.forced(point, run, {(name, side): size * course}, fast=True)
-                out.append((readings(forced) - base)[None])
-            for course in (small, -small):
-                forced = plant.forced(point, whole, {(name, side): size * course})
-                out.append((readings(forced, exact=True) - exact)[None])
+        for key in ((name, side) for side in place_named(plant, name).sides):
+            drifts += [readings(run, {key: size * c}) - base for c in (steady, line)]
+            drifts += [
+                readings(whole, {key: size * c}, exact=True) - exact_base for c in (small, -small)
+            ]
     for name, gaps in steps_in_gaps(whole, plant.inputs).items():
         for before, after in zip(*gaps, strict=True):
             column = np.array(whole.inputs[name], dtype=np.float64)
             column[before + 1 : after] = column[after]
-            stepped = plant.forced(point, whole.with_columns(inputs={name: column}), {})
-            out.append((readings(stepped, exact=True) - exact)[None])
+            stepped = whole.with_columns(inputs={name: column})
+            drifts.append(readings(stepped, {}, exact=True) - exact_base)
     if isinstance(plant, BarePlaces):
-        out += [(readings(begun) - base)[None] for begun in plant.begun_otherwise(point, run)]
-    return np.concatenate(out)
+        begun = plant.begun_otherwise(point, run)
+        drifts += [played.on_grid(outputs, plant.channels) - base for outputs in begun]
+    return np.array(drifts).reshape(-1, *base.shape)

@@ -148,8 +148,7 @@ def _resamples(runs: int) -> tuple[Array, Array]:
 
 
 def _cause_probabilities(log_prior: Array, scores: Array, counts: Sequence[float]) -> Array:
-    """Probabilities of rivals, (resamples, rivals), averaged over the pieces of evidence `counts`.
-    """
+    """Probabilities of rivals, (resamples, rivals), averaged over some `counts` of evidence."""
     return np.asarray(np.mean([_softmax(log_prior + k * scores) for k in counts], axis=0))
 
 

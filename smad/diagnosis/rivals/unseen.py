@@ -1,7 +1,7 @@
-"""What these runs would not have shown: the strength from which an effect would be told.
+"""Detection limits: the least strength at which these runs would have shown each effect.
 
-An effect of strength s adds s²·a_c to the mean square of channel c, with the parameters open beside
-it. It would be told once that costs a model without it as much of the score as the effect's prior.
+An effect of strength s adds s²·a_c to the mean square of channel c, with the parameters
+marginalised. It is detected once that costs a model without it as much score as the effect's prior.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _RANGE = (1e-6, 1e6)
 
 
 def unseen_strengths(search: Search) -> list[str]:
-    """Each effect with the strength that would have been told, those least seen first."""
+    """Each absent effect with its detection limit in words, the largest limit first."""
     question, fit = search.question, search.final.fit
     e = question.evidence
     reference = search.nominal if fit is None else reference_of(e, fit)
@@ -45,8 +45,9 @@ def unseen_strengths(search: Search) -> list[str]:
 
 
 def _strength(v: Array, added: Array, needed: float, least_square: float) -> float:
-    """How many times a change is needed, s, for v_c + s² a_c to cost `needed` of the score of v."""
-
+    """The factor s at which the score of v_c + s² a_c is `needed` below that of v_c, (channels,)
+    each; infinite where none up to the end of `_RANGE` suffices.
+    """
     from scipy.optimize import brentq
 
     once = np.ones((1, len(v)))

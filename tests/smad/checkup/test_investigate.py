@@ -13,7 +13,7 @@ from sim_device.plant.laws import Factor, Law, Term
 from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError
 from smad.checkup.investigation import Investigation, Report
-from smad.checkup.judge import CheckUpAnswer, judge_check_up
+from smad.checkup.judge import Judgement, judge_runs
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.proposal import propose, unpaired_offers
 from smad.checkup.series import Recorded
@@ -51,9 +51,9 @@ def reference() -> GoodRuns:
 
 
 @pytest.fixture(scope="module")
-def lagging(reference: GoodRuns) -> CheckUpAnswer:
+def lagging(reference: GoodRuns) -> Judgement:
     """A check-up of the run that shows little, on a bench with a lag."""
-    return judge_check_up(PLANT, reference, [(played(40, LAG, what=STILL), "still")])
+    return judge_runs(PLANT, reference, [(played(40, LAG, what=STILL), "still")])
 
 
 def law(place: str, side: str, slope: float, state: str = "current") -> Law:
@@ -66,7 +66,7 @@ LAG_LIKE, FORCE_LIKE = law("reading_rtd", "x", 1.0), law("reading_force", "both"
 SMALL = law("reading_force", "both", 1e-4)
 
 
-def undecided(found: CheckUpAnswer, *laws: Law) -> CheckUpAnswer:
+def undecided(found: Judgement, *laws: Law) -> Judgement:
     """The check-up with a cause told, and these laws between which nothing is decided."""
     cause = Cause(
         kind="law",
@@ -107,9 +107,7 @@ def undecided(found: CheckUpAnswer, *laws: Law) -> CheckUpAnswer:
     return replace(found, verdict=verdict, alternatives=tuple(rivals))
 
 
-def test_the_run_that_tells_rivals_apart_is_proposed_with_the_reason(
-    lagging: CheckUpAnswer,
-) -> None:
+def test_the_run_that_tells_rivals_apart_is_proposed_with_the_reason(lagging: Judgement) -> None:
     found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), COSTS, 600.0)
     assert found.run == "short"
     assert found.staying == ("reading_rtd 0", "reading_force 1")
@@ -119,7 +117,7 @@ def test_the_run_that_tells_rivals_apart_is_proposed_with_the_reason(
 
 @pytest.mark.parametrize("outcome", ["quiet", "unexplained", "parameters"])
 def test_nothing_is_settled_without_a_cause_before_every_run_was_played(
-    lagging: CheckUpAnswer, outcome: str
+    lagging: Judgement, outcome: str
 ) -> None:
     nowhere = msgspec.structs.replace(lagging.verdict, outcome=outcome, causes=[])
     unplaced = replace(lagging, verdict=nowhere)
@@ -129,23 +127,21 @@ def test_nothing_is_settled_without_a_cause_before_every_run_was_played(
     assert propose(unplaced, COSTS, 30.0).run is None
 
 
-def test_one_rival_that_no_other_is_near_is_settled(lagging: CheckUpAnswer) -> None:
+def test_one_rival_that_no_other_is_near_is_settled(lagging: Judgement) -> None:
     found = propose(undecided(lagging, LAG_LIKE), COSTS, 600.0)
     assert found.run is None
     assert not found.staying
     assert found.why == "settled: reading_rtd; no other rival is near"
 
 
-def test_rivals_that_predict_the_same_are_not_played_for(lagging: CheckUpAnswer) -> None:
+def test_rivals_that_predict_the_same_are_not_played_for(lagging: Judgement) -> None:
     found = propose(undecided(lagging, SMALL, SMALL), COSTS, 600.0)
     assert found.run is None
     assert found.staying
     assert "no remaining run separates" in found.why
 
 
-def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(
-    lagging: CheckUpAnswer,
-) -> None:
+def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(lagging: Judgement) -> None:
     found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), COSTS, 30.0)
     assert found.run is None
     assert "the time is spent: short would separate" in found.why
@@ -154,7 +150,7 @@ def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(
 def test_a_run_is_played_once_whatever_stays(reference: GoodRuns) -> None:
     runs = [(played(40 + k, LAG, what=run), run.name) for k, run in enumerate(PROGRAMME.runs)]
     found = propose(
-        undecided(judge_check_up(PLANT, reference, runs), LAG_LIKE, FORCE_LIKE), COSTS, 600.0
+        undecided(judge_runs(PLANT, reference, runs), LAG_LIKE, FORCE_LIKE), COSTS, 600.0
     )
     assert found.run is None
     assert found.staying
@@ -162,7 +158,7 @@ def test_a_run_is_played_once_whatever_stays(reference: GoodRuns) -> None:
 
 
 def test_a_run_that_the_baseline_lacks_is_offered_by_what_the_model_expects(
-    lagging: CheckUpAnswer,
+    lagging: Judgement,
 ) -> None:
     other = replace(SHORT, name="other")
     programme = Programme("short", "three runs", (*PROGRAMME.runs, other))
@@ -234,7 +230,7 @@ def test_an_investigation_names_the_cause_proves_it_and_writes_the_model(
 
 def test_a_model_that_was_found_on_more_runs_than_prove_it_is_proved(reference: GoodRuns) -> None:
     runs = [(played(70 + k, GAIN, what=run), run.name) for k, run in enumerate(PROGRAMME.runs)]
-    answer = judge_check_up(PLANT, reference, runs)
+    answer = judge_runs(PLANT, reference, runs)
     pairs = pair_runs(with_places(PLANT), reference, [(played(72, GAIN, what=SHORT), "short")])
     gap = next(s for s in gaps_on(answer, pairs.evidence()) if s.signal == "i_meas_x_A")
     assert gap.raw > 5.0 * gap.floor
