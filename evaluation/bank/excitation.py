@@ -154,7 +154,6 @@ FAMILIES: dict[str, Callable[[np.random.Generator, float], Array]] = {
     "chirp": chirp,
 }
 FOR_FITTING = ("steps", "staircase", "open_loop", "slow_heat", "air")
-FOR_HOLDING_OUT = ("sines", "random_levels", "chirp")
 
 
 @compiled

@@ -52,7 +52,6 @@ class Run:
     log: dict[str, Array]
     grid: Array  # (n, 11) readings on the ideal clock
     inputs: Array  # (n, 8) commands, and inlet and ambient *as measured*
-    truths: Array  # (n, 12)
 
 
 def _coloured(rng: np.random.Generator, n: int, scale: float, time_constant: float) -> Array:
@@ -135,7 +134,7 @@ def record_program(
     measured[:, AMBIENT] = out[:, READINGS.index("rtd_ambient_degC")]
     readings = out[:, : len(READINGS)]
     log = _log(np.random.default_rng((seed, 73)), program, inputs, readings, number)
-    return Run(family, log, readings, measured, out[:, len(READINGS) :])
+    return Run(family, log, readings, measured)
 
 
 def _log(

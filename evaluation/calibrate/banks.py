@@ -13,11 +13,12 @@ from evaluation.names import canonical
 from evaluation.recovery.judging import Answer
 from evaluation.recovery.running import RecoveryFile
 from evaluation.run.running import VerdictFile
-from evaluation.score.answers import DIFFERS, CaseKey, Key, digest
+from evaluation.score.answers import CaseKey, Key, digest
 from evaluation.score.first_step import ScoredVerdict
 from evaluation.score.openings import refuse_sealed
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.verdict import DIFFERS
 
 _TRUTHS = {
     "none": NONE, "room": NONE, "preload": NONE, "drift": NONE, "parameters": MOVED,

@@ -16,7 +16,7 @@ from evaluation.names import canonical
 from evaluation.score.first_step import RivalScore
 from smad.diagnosis.answer import place_probabilities
 from smad.diagnosis.constants import Constants
-from smad.diagnosis.rivals.rival import temper_of
+from smad.diagnosis.rivals.rival import tempered_constants
 from smad.diagnosis.rivals.score import (
     EFFECT,
     LAW,
@@ -84,16 +84,16 @@ class CaseRivals:
 
     def probability(self, c: Constants) -> Array:
         """The probability of each rival, (rivals,)."""
-        temper = temper_of(c, free=self.question == DIFFERS)
+        constants = tempered_constants(c, free=self.question == DIFFERS)
         return probabilities(
             np.array([r.scores for r in self.rivals]),
             [r.kind for r in self.rivals],
-            temper,
+            constants,
             effects=self.effects,
             laws=self.laws,
             log_prior=np.array([r.log_prior for r in self.rivals]),
             rows=self.independent_rows,
-            near=[r.near for r in self.rivals],
+            at_floor=[r.near for r in self.rivals],
             by_rows=True,
         )
 

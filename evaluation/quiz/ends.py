@@ -12,7 +12,7 @@ from evaluation.errors import QuizError
 from evaluation.names import canonical
 from evaluation.score.answers import Cause
 from evaluation.score.intervals import wilson
-from smad.checkup.inquiry import Report
+from smad.checkup.investigation import Report
 from smad.checkup.programme import Programme
 from smad.diagnosis.verdict import CAUSES, PARAMETERS, QUIET, UNEXPLAINED
 from smad.report.page import Table

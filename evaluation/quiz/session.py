@@ -22,7 +22,7 @@ import msgspec
 from evaluation.errors import QuizError
 from evaluation.quiz.ends import end_of
 from smad.checkup.errors import BaselineError
-from smad.checkup.inquiry import Report, read_report
+from smad.checkup.investigation import Report, read_report
 from smad.checkup.programme import shipped
 from smad.checkup.store import read_about
 from smad.client.endpoints import FOLDER_VARIABLE

@@ -12,7 +12,7 @@ from evaluation.recovery.cases import NONE, Case, bench_parameters
 from evaluation.recovery.playing import FIT, HELD_OUT, REPEATS, Bench
 from evaluation.score.first_step import ScoredVerdict, scored
 from smad.checkup.commission import commissioned
-from smad.checkup.judge import judged
+from smad.checkup.judge import judge_runs
 from smad.diagnosis.diagnose import diagnose
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.runs import GapRun
@@ -70,7 +70,7 @@ def _checked_up(
 ) -> tuple[ScoredVerdict, float]:
     reference = _commissioned(case.bench, seed)
     began = time.process_time()
-    verdict = scored(judged(plant, reference, [(run, run.name) for run in now]))
+    verdict = scored(judge_runs(plant, reference, [(run, run.name) for run in now]))
     return verdict, _since(began)
 
 

@@ -19,6 +19,7 @@ from evaluation.recovery.judging import Answer, answer
 from evaluation.recovery.scores import tables
 from evaluation.results.record import keep
 from smad.diagnosis.spring_pair import SmaPlant
+from smad.files import write_whole
 from smad.report.page import Table
 from smad.report.tables import text_table
 
@@ -35,9 +36,7 @@ class RecoveryFile(msgspec.Struct, kw_only=True):
 
     def write(self, path: Path) -> None:
         """Write it as JSON; a reader never sees half of one."""
-        partial = path.with_name(path.name + ".part")
-        partial.write_bytes(msgspec.json.encode(self) + b"\n")
-        partial.replace(path)
+        write_whole(path, msgspec.json.encode(self) + b"\n")
 
 
 def read(path: Path) -> RecoveryFile:

@@ -1,7 +1,7 @@
 """Scores of the recovery bank.
 
-An effect that other values of the parameters imitate to within `NEAR` floors on the judged runs
-cannot be told from these runs. Every share is given twice: of all cases, and without those.
+If other values of the parameters leave at most `AT_FLOOR` floors of the judged runs, these runs
+cannot show the effect. Every share is given twice: of all cases, and without those.
 """
 
 from __future__ import annotations
@@ -14,11 +14,9 @@ from evaluation.recovery.cases import PARAMETERS as PARAMETERS_ALONE
 from evaluation.recovery.judging import Answer
 from evaluation.score.goals import Goal
 from evaluation.score.scores import number, share
-from smad.diagnosis.verdict import CHECK_UP, PARAMETERS, QUIET, REFUSED, SignalGap
+from smad.diagnosis.verdict import AT_FLOOR, CHECK_UP, PARAMETERS, QUIET, REFUSED, SignalGap
 from smad.report.page import Table
 
-NEAR = 1.3
-"""Floors: floors are known to a third."""
 Test = Callable[[Answer], bool]
 
 
@@ -47,9 +45,9 @@ def _whole(answer: Answer) -> SignalGap | None:
 
 
 def identifiable(answer: Answer) -> bool:
-    """Whether other values of the parameters leave more than `NEAR` floors of the judged runs."""
+    """Whether other values of the parameters alone leave more than `AT_FLOOR` floors."""
     whole = _whole(answer)
-    return whole is None or whole.parameters >= NEAR
+    return whole is None or whole.parameters >= AT_FLOOR
 
 
 def first_right(answer: Answer) -> bool:
@@ -63,9 +61,9 @@ def all_told(answer: Answer) -> bool:
 
 
 def near(answer: Answer) -> bool:
-    """Whether what is told leaves at most `NEAR` floors."""
+    """Whether what is told leaves at most `AT_FLOOR` floors."""
     whole = _whole(answer)
-    return whole is not None and whole.final <= NEAR
+    return whole is not None and whole.final <= AT_FLOOR
 
 
 def _foreign(answer: Answer) -> bool:

@@ -22,7 +22,7 @@ from evaluation.score.first_step import ScoredVerdict, scored
 from sim_device.plant import load_parameters
 from smad.checkup.commission import commissioned
 from smad.checkup.files import read_file
-from smad.checkup.judge import judged
+from smad.checkup.judge import judge_runs
 from smad.diagnosis.diagnose import diagnose
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.runs import GapRun
@@ -171,7 +171,7 @@ def _checked_up(check: Check, case: Case) -> Judged:
     runs = [(run, run.name) for run in check.runs(case, "fit")["fit"]]
 
     def ask(plant: SmaPlant) -> ScoredVerdict:
-        return scored(judged(plant, reference, runs))
+        return scored(judge_runs(plant, reference, runs))
 
     began = time.process_time()
     verdict = ask(check.plant)

@@ -15,7 +15,7 @@ import msgspec
 from evaluation.errors import BankError
 from smad.diagnosis.verdict import CHECK_UP, DIFFERS
 
-ANY_INPUTS, CHECK_UPS = "smad-bank-1", "smad-checkup-1"
+CHECK_UPS = "smad-checkup-1"
 Role = Literal["fit", "hold_out", "good"]
 ROLES: tuple[Role, ...] = ("fit", "hold_out", "good")
 _MOST_BYTES = 16_000_000

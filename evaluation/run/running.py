@@ -31,6 +31,7 @@ from evaluation.run.judging import Check, Judged, judge
 from evaluation.run.manifest import Case, read_manifest
 from evaluation.score.openings import refuse_sealed
 from smad.diagnosis.spring_pair import SmaPlant
+from smad.files import write_whole
 
 _MEMORY = "its worker process ended, as it does when memory runs out: use fewer --jobs"
 _TOLD = 5
@@ -64,9 +65,7 @@ class VerdictFile(msgspec.Struct, kw_only=True, omit_defaults=True):
 
     def write(self, path: Path) -> None:
         """Write it as indented JSON; a reader never sees half of one."""
-        partial = path.with_name(path.name + ".part")
-        partial.write_bytes(msgspec.json.format(msgspec.json.encode(self), indent=1) + b"\n")
-        partial.replace(path)
+        write_whole(path, msgspec.json.format(msgspec.json.encode(self), indent=1) + b"\n")
 
 
 def run(

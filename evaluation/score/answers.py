@@ -15,8 +15,8 @@ import msgspec
 
 from evaluation.errors import KeyMismatchError, WithheldError
 from evaluation.names import canonical
+from smad.diagnosis.verdict import CHECK_UP
 
-CHECK_UP, CHANGED, DIFFERS = "check-up", "changed", "differs"
 STRENGTHS = (1.0, 3.0, 10.0)
 _LITTLE = 0.2
 SILENT = frozenset(("quiet", "parameters", "refused"))

@@ -54,7 +54,7 @@ def scored(answer: Answer) -> ScoredVerdict:
             gap=question.gap(r),
             scores=[float(x) for x in r.scores],
             log_prior=r.log_prior,
-            near=question.near(r),
+            near=question.at_floor(r),
         )
         for r, refuted in zip(rivals, question.refuted(rivals), strict=True)
         if not refuted

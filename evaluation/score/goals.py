@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from evaluation.score.answers import CHANGED, CHECK_UP, DIFFERS
+from smad.diagnosis.verdict import CHANGED, CHECK_UP, DIFFERS
 
 
 class Row(msgspec.Struct, frozen=True):

@@ -8,9 +8,10 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from evaluation.names import canonical
-from evaluation.score.answers import DIFFERS, STRENGTHS, Cause, Pair
+from evaluation.score.answers import STRENGTHS, Cause, Pair
 from evaluation.score.goals import GOALS, Row
 from evaluation.score.intervals import wilson
+from smad.diagnosis.verdict import DIFFERS
 from smad.report.page import Table
 
 _BINS = 5

@@ -1,7 +1,4 @@
-"""A check-up: the runs of now against a baseline, or against files of a good day.
-
-The way is the same each time: read what was good, play or read the runs of now, judge.
-"""
+"""A check-up: the runs of now against a baseline, or against files of a good day."""
 
 from __future__ import annotations
 
@@ -23,9 +20,9 @@ from smad.checkup.files import (
     require_one_bench,
     require_other_recordings,
 )
-from smad.checkup.investigate import Proposal, propose
-from smad.checkup.judge import Judged, judged
+from smad.checkup.judge import Judgement, judge_runs
 from smad.checkup.programme import Programme
+from smad.checkup.proposal import Proposal, propose
 from smad.checkup.series import Play, folder_for, play_series, read_state
 from smad.checkup.store import Baseline
 from smad.counted import counted
@@ -75,7 +72,7 @@ def check_folder(
     say: Say,
     progress: Say,
     recorded_for_it: bool = False,
-) -> Judged:
+) -> Judgement:
     """The verdict over the runs in `now` that the baseline has.
 
     Unless they were `recorded_for_it`, the good runs must not be among them. Raises BaselineError
@@ -98,12 +95,12 @@ def check_folder(
             limit=", ".join(sorted(names)),
             action="name the files after the runs of the programme, or use --good",
         )
-    return judged(plant, baseline.reference, [(f.run, f.name) for f in runs], progress=progress)
+    return judge_runs(plant, baseline.reference, [(f.run, f.name) for f in runs], progress=progress)
 
 
 def proposed(
     folder: Path, baseline: Baseline, plant: PlantModel, progress: Say
-) -> tuple[Judged, Proposal]:
+) -> tuple[Judgement, Proposal]:
     """The verdict over the newest check-up or investigation in the folder of a baseline, and what
     to play after it if each run takes as long.
 
@@ -123,11 +120,11 @@ def proposed(
         for f in read_folder(newest)
     ]
     runs = [(run, name) for run, name in named if name in names]
-    judgement = judged(plant, baseline.reference, runs, progress=progress)
+    judgement = judge_runs(plant, baseline.reference, runs, progress=progress)
     return judgement, propose(judgement, dict.fromkeys(names, 1.0), left_s=1.0)
 
 
-def check_files(plant: PlantModel, good: Path, now: Path, *, say: Say, progress: Say) -> Judged:
+def check_files(plant: PlantModel, good: Path, now: Path, *, say: Say, progress: Say) -> Judgement:
     """The verdict over the files of a good day and of now in two folders.
 
     `say` tells what is left out of them, and what was paired with what.
@@ -147,7 +144,7 @@ def check_files(plant: PlantModel, good: Path, now: Path, *, say: Say, progress:
 
 def checked_files(
     plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile], progress: Say = silent
-) -> tuple[Judged, Matched]:
+) -> tuple[Judgement, Matched]:
     """The verdict over files of a good day and of now, and what was paired with what.
 
     Raises PairingError when nothing is paired, when a run of now is one of the good ones, when a
@@ -163,7 +160,7 @@ def checked_files(
             action="play the same programme on both days; smad docs guide/check-up says how",
         )
     reference = commissioned(plant, matched.groups, progress=progress)
-    return judged(plant, reference, matched.now, progress=progress), matched
+    return judge_runs(plant, reference, matched.now, progress=progress), matched
 
 
 def _say_notes(runs: Sequence[RunFile], say: Say) -> None:

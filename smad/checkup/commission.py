@@ -1,4 +1,4 @@
-"""What a check-up knows of a good bench, from the runs of good days."""
+"""The good bench of a check-up, computed from the runs of good days."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ from smad.progress import Say, silent
 def commissioned(
     plant: PlantModel, groups: Sequence[Sequence[GapRun]], progress: Say = silent
 ) -> GoodRuns:
-    """The good runs, the repeats of each run of a programme in a group, with what laws and effects
-    change of them.
+    """Good runs from `groups` of repeats, with responses to laws and changes by effects.
 
     Raises PairingError when the runs of a group do not have the same inputs.
     """

@@ -1,7 +1,7 @@
-"""What is new with the same inputs: now − then, asked by the rule of every other question.
+"""The verdict of a check-up: what has changed, from now − then with the same inputs.
 
-A rival predicts the change of a pair by a replay with it minus a replay without; the floor and the
-correlation of what is left come from the repeats of the good bench.
+A rival predicts the change of a pair by a replay with it minus one without. Floor and correlation
+of the residual come from the repeats of the good bench.
 """
 
 from __future__ import annotations
@@ -14,23 +14,22 @@ from pathlib import Path
 from smad.diagnosis.answer import Answer, answer_of
 from smad.diagnosis.data.guards import FIT
 from smad.diagnosis.numerics.threads import repeatable
-from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
+from smad.diagnosis.paired.difference import PairedRuns, pair_runs, question_of_pairs
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.paired.notes import notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import PlantModel, SavesModel
-from smad.diagnosis.rivals.search import searched
+from smad.diagnosis.rivals.search import run_search
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHECK_UP, PAIRED, RunRecord
 from smad.progress import Say, silent
-from smad.version import VERSION
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Judged(Answer):
+class Judgement(Answer):
     """An answer with the pairs that it is of."""
 
-    pairs: Paired
+    pairs: PairedRuns
 
     def save_model(self, plant: SavesModel, path: Path) -> None:
         """Write the model of the good bench with what was found, and its covariance."""
@@ -39,12 +38,12 @@ class Judged(Answer):
 
 
 @repeatable
-def judged(
+def judge_runs(
     plant: PlantModel,
     reference: GoodRuns,
     runs: Sequence[tuple[GapRun, str]],
     progress: Say = silent,
-) -> Judged:
+) -> Judgement:
     """The verdict over runs of now, each with the name of the good run that it repeats.
 
     Raises PairingError for inputs that differ too much, and GapError where the model cannot replay
@@ -52,15 +51,10 @@ def judged(
     """
     began = time.perf_counter()
     placed = with_places(plant)
-    pairs = paired(placed, reference, runs)
-    search = searched(question_of_pairs(pairs, plant.effects, progress))
+    pairs = pair_runs(placed, reference, runs)
+    search = run_search(question_of_pairs(pairs, plant.effects, progress))
     answer = answer_of(search, question=CHECK_UP, gaps_of=PAIRED)
-    answer = answer.with_verdict(
-        notes=notes_of(pairs),
-        runs=[RunRecord.of(run, FIT, name) for run, name in runs],
-        plant=plant.name,
-        plant_version=plant.version,
-        smad_version=VERSION,
-        seconds=round(time.perf_counter() - began, 2),
-    )
-    return Judged(pairs=pairs, **vars(answer))
+    records = [RunRecord.of(run, FIT, name) for run, name in runs]
+    seconds = time.perf_counter() - began
+    answer = answer.stamped(plant, seconds, notes=notes_of(pairs), runs=records)
+    return Judgement(pairs=pairs, **vars(answer))

@@ -1,7 +1,7 @@
-"""The runs of a programme, played one after the other into a folder of their own.
+"""The runs of a programme, played one after the other into a folder.
 
-A log appears under its run's name once the run has ended, so that what is there is whole. A series
-that was interrupted goes on after the last run that was finished.
+A log appears under its run's name once the run has ended. An interrupted series continues after the
+last finished run.
 """
 
 from __future__ import annotations

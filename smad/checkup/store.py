@@ -1,7 +1,7 @@
-"""A baseline as a folder: the good runs, and what was computed of them once.
+"""A baseline as a folder: the good runs, and what was computed from them.
 
-`baseline.json` says what it is and what it belongs to; `reference.npz` holds the arrays. Both carry
-the schema's number, the programme's hash and the plant's version: of another one nothing is judged.
+`baseline.json` names schema, programme and plant, for no other of which the baseline serves;
+`reference.npz` holds the arrays.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from smad.diagnosis.runs import GapRun
 from smad.files import named_output
 
 SCHEMA = 10
-"""One more where arrays get another meaning: baselines of before are then computed anew."""
+"""Raised when arrays change their meaning: earlier baselines are then computed again."""
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")
 _RUN = ("mean", "valid", "count", "regime", "base", "slopes")
@@ -83,7 +83,7 @@ class Baseline:
 
 
 def identity(plant: PlantModel) -> str:
-    """What responses depend on beside the inputs: model, library and places."""
+    """Model, library and places in one string: what responses depend on beside the inputs."""
     library = sorted(
         (e.name, [(q.name, q.unit, q.typical, q.low, q.high, q.strength) for q in e.parameters])
         for e in plant.effects

@@ -213,7 +213,7 @@ def investigate(
     bench is disarmed after each run.
     """
     from smad.checkup.baseline import FIRST, require_same
-    from smad.checkup.inquiry import Inquiry, open_folder
+    from smad.checkup.investigation import Investigation, open_folder
     from smad.checkup.programme import chosen
     from smad.checkup.series import NOW
     from smad.checkup.store import load
@@ -228,7 +228,7 @@ def investigate(
     place = open_folder(folder)
     played = len(list(place.glob("*.mcap")))
     with progress() as line, bench.player(line, effects) as player:
-        inquiry = Inquiry(
+        investigation = Investigation(
             plant=plant,
             reference=baseline.reference,
             programme=programme,
@@ -238,10 +238,10 @@ def investigate(
             say=line.note,
             seconds=60.0 * minutes,
         )
-        report = inquiry.carry_out(line.say)
+        report = investigation.carry_out(line.say)
     assert report.verdict is not None
     print_verdict(report.verdict)
-    spent_min = inquiry.spent_s(report) / 60.0
+    spent_min = investigation.spent_s(report) / 60.0
     click.echo(f"{report.why_over}; {counted(len(report.records), 'run')} in {spent_min:.1f} min")
     for run, separation in report.offers.items():
         click.echo(

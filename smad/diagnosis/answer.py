@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.places.bare import unwrapped
 from smad.diagnosis.places.place import BOTH
-from smad.diagnosis.plant import Array, ModelPoint, SavesModel, Uncertainty
+from smad.diagnosis.plant import Array, ModelPoint, PlantModel, SavesModel, Uncertainty
 from smad.diagnosis.rivals.describe import (
     effect_values,
     law_terms,
@@ -27,7 +27,7 @@ from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import EffectPart, LawPart
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, credible_set
-from smad.diagnosis.rivals.search import Searched, Step
+from smad.diagnosis.rivals.search import Search, Step
 from smad.diagnosis.rivals.uncertainty import Precision
 from smad.diagnosis.rivals.unseen import unseen_strengths
 from smad.diagnosis.verdict import (
@@ -45,6 +45,7 @@ from smad.diagnosis.verdict import (
     Verdict,
     headline_of,
 )
+from smad.version import VERSION
 
 _ROWS = 8
 """Rivals of a table at most."""
@@ -55,12 +56,13 @@ _LEAST_NAMED = 0.005
 class Answer:
     """A verdict with what it rests on; `search` is None where runs were refused.
 
-    `stages` are the rivals whose gaps are told: as configured, with other parameters, and with the
-    first 1, 2 … causes; `model` is the last one's.
+    `stages` are the rivals whose gaps are reported: as configured, with fitted parameters, and with
+    the first 1, 2 … causes; `model` is that of the last. `alternatives` are the rivals of the first
+    step between which the runs do not decide.
     """
 
     verdict: Verdict
-    search: Searched | None = None
+    search: Search | None = None
     stages: tuple[Rival, ...] = ()
     model: ModelPoint | None = None
     uncertainty: Uncertainty | None = None
@@ -71,12 +73,17 @@ class Answer:
         return f"<Answer: {self.verdict.headline}>"
 
     def with_verdict(self, **fields: Any) -> Answer:
-        """The same with some fields of the verdict replaced."""
+        """The answer with some fields of the verdict replaced."""
         return replace(self, verdict=msgspec.structs.replace(self.verdict, **fields))
 
+    def stamped(self, plant: PlantModel, seconds: float, **fields: Any) -> Answer:
+        """The same with the versions of plant and program and the time taken, too."""
+        versions = {"plant": plant.name, "plant_version": plant.version, "smad_version": VERSION}
+        return self.with_verdict(**fields, **versions, seconds=round(seconds, 2))
 
-def answer_of(search: Searched, *, question: str, gaps_of: str = MEASURED) -> Answer:
-    """The answer that a search gives; its gaps are MEASURED or PAIRED."""
+
+def answer_of(search: Search, *, question: str, gaps_of: str = MEASURED) -> Answer:
+    """The answer of a search to `question` (DIFFERS …); `gaps_of` is MEASURED or PAIRED."""
     asked, fitted = search.question, search.final.fit
     base = fitted or search.parameters.fit
     assert base is not None
@@ -120,16 +127,20 @@ def answer_of(search: Searched, *, question: str, gaps_of: str = MEASURED) -> An
 def _alternatives(step: Step) -> tuple[Rival, ...]:
     """The rivals of a step between which the runs do not decide; one where they do."""
     rivals = {r.name: r for r in step.rivals if r.has_part}
-    total = max(sum(r.probability for r in rivals.values()), 1e-300)
-    probabilities = {n: r.probability / total for n, r in rivals.items()}
-    names = credible_set(probabilities, shipped().credible_level)
-    return tuple(rivals[n] for n in names)
+    total = _total(r.probability for r in rivals.values())
+    given_a_part = {n: r.probability / total for n, r in rivals.items()}
+    return tuple(rivals[n] for n in credible_set(given_a_part, shipped().credible_level))
 
 
-def _outcome(search: Searched, causes: Sequence[Cause]) -> str:
-    """Causes, parameters, or quiet; unexplained where much is left and no rival takes it.
+def _total(probabilities: Iterable[float]) -> float:
+    """The sum, and never 0, so that it can be divided by."""
+    return max(sum(probabilities), 1e-300)
 
-    Day-to-day variation is nothing new: the rival *nothing* is fitted with it, and counts here.
+
+def _outcome(search: Search, causes: Sequence[Cause]) -> str:
+    """Causes, parameters, or quiet; unexplained where a gap remains that no rival explains.
+
+    The rival *nothing*, which is fitted with day-to-day variation, may close the gap, too.
     """
     if causes:
         return CAUSES
@@ -140,15 +151,15 @@ def _outcome(search: Searched, causes: Sequence[Cause]) -> str:
     return PARAMETERS if search.moved else QUIET
 
 
-def _entered(search: Searched) -> list[tuple[Step, Rival]]:
-    """The steps by which parts entered, with what did; none where all were withdrawn."""
+def _entered(search: Search) -> list[tuple[Step, Rival]]:
+    """The steps by which parts entered, each with its rival; empty if all were withdrawn."""
     if search.final.fit is None or not search.final.fit.model.parts:
         return []
     return [(s, r) for s in search.steps if (r := s.entered) is not None and r.has_part]
 
 
 def signal_gaps(question: Question, stages: Sequence[Rival]) -> list[SignalGap]:
-    """What stages leave of the judged runs by signal, in its unit, and over all, in floors."""
+    """RMS residual of each stage on the judged runs: by signal in its unit, over all in floors."""
     counts, floors = question.judged.counts.sum(axis=0), question.judged.floors
     rms = [np.sqrt(r.squares.sum(axis=0) / np.maximum(counts, 1.0)) * floors for r in stages]
     signals = [
@@ -160,7 +171,7 @@ def signal_gaps(question: Question, stages: Sequence[Rival]) -> list[SignalGap]:
 
 
 def _gap(signal: str, unit: str, floor: float, rms: Sequence[float], words: str) -> SignalGap:
-    """What each stage leaves of a signal: as configured, with other parameters, with causes."""
+    """The gap of a signal from its RMS at each stage."""
     raw, parameters, *causes = rms
     return SignalGap(
         signal=signal,
@@ -174,15 +185,15 @@ def _gap(signal: str, unit: str, floor: float, rms: Sequence[float], words: str)
 
 
 def gaps_on(answer: Answer, evidence: Evidence) -> list[SignalGap]:
-    """The gaps of further runs by signal and over all, for each stage of an answer.
+    """The gaps of further runs, to which nothing is fitted, for each stage of an answer.
 
-    Nothing is fitted to them. Empty where the model cannot replay them.
+    Empty where the model cannot replay them.
     """
     search = answer.search
     if search is None:
         return []
-    # The form of what has entered was measured on the runs judged before.
-    question = replace(search.question, held_out=evidence, form=())
+    # The form error of the parts was measured on the runs judged before.
+    question = replace(search.question, held_out=evidence, form_sd=())
     rivals = [question.of_point(question.point_of(stage)) for stage in answer.stages]
     replayed = [r for r in rivals if r is not None]
     return signal_gaps(question, replayed) if len(replayed) == len(rivals) else []
@@ -200,9 +211,9 @@ def _by_run(question: Question, *stages: Rival) -> list[RunGap]:
 def _table(
     question: Question, precision: Precision, rivals: Sequence[Rival], named: Sequence[str] = ()
 ) -> list[RivalGap]:
-    """The likeliest rivals, and those `named` or without a part whatever their probability.
+    """The likeliest rivals, all without a part, and those `named`.
 
-    Those whose probability is shown as 0 are ordered by what they leave.
+    Rivals whose probability prints as 0 are ordered by their gap.
     """
     plant = question.model.plant
     listed = [r for k, r in enumerate(rivals) if k < _ROWS or not r.has_part or r.name in named]
@@ -229,7 +240,7 @@ def _table(
 
 
 def _shown(rival: Rival) -> bool:
-    """Whether its probability has a digit that a table shows."""
+    """Whether its probability prints as more than 0.00."""
     return round(rival.probability, 2) > 0.0
 
 
@@ -245,14 +256,14 @@ def _values(precision: Precision, rival: Rival) -> list[EffectValue]:
 
 
 def _standard_deviations(matrix: Array) -> Array:
-    """Those of a covariance matrix (k, k), (k,)."""
+    """Square roots of the diagonal of a covariance matrix (k, k), (k,)."""
     return np.sqrt(np.maximum(np.diag(matrix), 0.0))
 
 
 def _cause(
     question: Question, precision: Precision, index: int, step: Step, final: Rival, *, gap: float
 ) -> Cause:
-    """The cause of a step, as it is in the final model; `gap` is what was left with it."""
+    """The cause of step `index` as it is in the final model; `gap` is the gap with it."""
     plant, fitted, level = question.model.plant, final.fit, shipped().credible_level
     assert fitted is not None
     part, block = fitted.model.parts[index], fitted.model.slices[index]
@@ -260,11 +271,11 @@ def _cause(
     effect = part if isinstance(part, EffectPart) else None
     law = part if isinstance(part, LawPart) else None
     of_parts = [r for r in step.rivals if r.has_part]
-    total = max(sum(r.probability for r in of_parts), 1e-300)
+    total = _total(r.probability for r in of_parts)
     laws = [r.places[0] for r in of_parts if r.kind == LAW]
     places = place_probabilities([(r.places, r.probability) for r in of_parts], laws)
     named = {r.name: r.probability for r in of_parts if r.kind == EFFECT}
-    in_library = max(sum(named.values()), 1e-300)
+    in_library = _total(named.values())
     names = {n: p / in_library for n, p in sorted(named.items(), key=lambda item: -item[1])}
     stayed = step.entered is not None and part.name == step.entered.name
     place = _place_of(part.places, laws if stayed else ())
@@ -298,10 +309,10 @@ def place_probabilities(
 ) -> dict[str, float]:
     """Probability of each place, the likeliest first, from `parts`: places and probability of each.
 
-    They sum to 1: it is that of the place if anything is missing. An effect counts for the place
-    whose law is likeliest among its own; `laws` are the places of laws, the likeliest first.
+    They sum to 1, given that something is missing. An effect counts for the one of its places whose
+    law is likeliest; `laws` are the places of laws, the likeliest first.
     """
-    total = max(sum(p for _, p in parts), 1e-300)
+    total = _total(p for _, p in parts)
     places: dict[str, float] = {}
     for of_part, p in parts:
         place = _place_of(of_part, laws)
@@ -310,7 +321,7 @@ def place_probabilities(
 
 
 def _place_of(listed: Sequence[str], laws: Sequence[str]) -> str:
-    """Of several places of a rival that whose law is likeliest, else the first listed."""
+    """The place among those `listed` whose law is likeliest, else the first."""
     return next((p for p in laws if p in listed), listed[0] if listed else "")
 
 
@@ -333,7 +344,7 @@ def uncertainty_of(precision: Precision, fitted: Fit) -> Uncertainty:
 def _moved(
     question: Question, fitted: Fit | None, uncertainty: Uncertainty | None
 ) -> list[ParameterMoved]:
-    """The parameters, those first that moved most beside their standard deviation."""
+    """The parameters, ordered by how many standard deviations they have moved."""
     if fitted is None or uncertainty is None:
         return []
     start, theta = question.model.start.theta, fitted.point.theta
@@ -347,7 +358,7 @@ def _moved(
             sd=float(sd),
             at_bound=bool(theta[q.name] <= q.low or theta[q.name] >= q.high),
         )
-        # Those of the parts follow.
+        # The covariance goes on with the coordinates of the parts.
         for q, sd in zip(
             question.model.plant.parameters,
             _standard_deviations(uncertainty.covariance),
@@ -360,7 +371,7 @@ def _moved(
 def _models(
     question: Question, precision: Precision, stages: Sequence[Rival], note: str
 ) -> list[str]:
-    """Models with other parameters and with each cause, as text; none where none are written."""
+    """Model files as text: with fitted parameters, with each cause; none without `SavesModel`."""
     plant = question.model.plant
     writer = plant if isinstance(plant, SavesModel) else unwrapped(plant)
     if not isinstance(writer, SavesModel):

@@ -1,7 +1,7 @@
-"""The five numbers that decide in the diagnosis, in one file.
+"""The five constants of the decision, fitted to development benches.
 
-`python -m evaluation calibrate` writes `constants.toml`, which says what they were fitted to. What
-is defined, as how many terms can be read, stands where it is used.
+`python -m evaluation calibrate` writes `constants.toml`, which names the data. Choices, such as the
+number of terms of a law, stand where they are used.
 """
 
 from __future__ import annotations
@@ -13,17 +13,16 @@ import msgspec
 import numpy as np
 
 _EFFECTS = 40
-"""Of the spring pair: a smaller library holds the cause less often."""
+"""Effects of the spring pair: a smaller library is less likely to hold the cause."""
 
 
 class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What was fitted to development benches (see `rivals/score.py` for the formula).
+    """Constants of the formula in `rivals/score.py`.
 
-    `evidence` is κ, the independent pieces of evidence of each of ten channels: in all runs
-    together for which cause it is, in each run for whether more than one is at work. Log prior odds
-    beside a law at some place: `nothing` that nothing is missing, `parameters` that other values of
-    them are the answer, `effect` that it is one of the library. The fewest rivals are told that
-    together have the probability `credible_level`.
+    `evidence` is κ, the independent observations in each of ten channels: over all runs together
+    for *which* cause, in each run for *whether* one is missing. `nothing`, `parameters` and
+    `effect` are log prior odds against a law at some place. A credible set is the smallest that has
+    the probability `credible_level`.
     """
 
     evidence: float
@@ -34,12 +33,13 @@ class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     @property
     def of_unknown(self) -> Constants:
-        """The same where the simulator surely lacks something: without a part it stands for a cause
-        that no rival describes, which is as likely as all places together."""
+        """The constants where something is missing for certain: the rival without a part then
+        stands for an unlisted cause, and is as likely as all places together.
+        """
         return msgspec.structs.replace(self, nothing=0.0, parameters=0.0)
 
     def each_effect(self, effects: int) -> float:
-        """Log prior of one of so many effects, which share that of all equally."""
+        """Log prior of one effect; all `effects` share that of their kind equally."""
         return self.effect - float(np.log(max(effects, _EFFECTS)))
 
 

@@ -14,7 +14,7 @@ from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.paired.notes import compared, notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import Effect, PlantModel
-from smad.diagnosis.questions import Inquiry, changed_pairs, changed_runs, differs
+from smad.diagnosis.questions import AdmittedRuns, changed_pairs, changed_runs, differs
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import (
     CAUSES,
@@ -29,10 +29,9 @@ from smad.diagnosis.verdict import (
     Verdict,
 )
 from smad.progress import Say, silent
-from smad.version import VERSION
 
 _NO_CAUSE = {QUIET: "nothing new", PARAMETERS: "no cause"}
-"""What is said of runs that repeat good ones, by an outcome after which the others are asked."""
+"""Outcomes of runs that repeat good ones after which the other runs are judged, in words."""
 
 
 @repeatable
@@ -69,7 +68,7 @@ def diagnose(
         headline = f"no run {lacking} can be used"
         answer = Answer(verdict=Verdict(question=question, outcome=REFUSED, headline=headline))
     else:
-        inquiry = Inquiry(
+        admitted = AdmittedRuns(
             plant=with_places(plant),
             fit=roles[FIT],
             held_out=roles[HOLD_OUT],
@@ -79,36 +78,34 @@ def diagnose(
             say=progress,
         )
         if good:
-            answer, in_question = _of_changed(inquiry)
-            findings += goes_further(in_question, inquiry.good, plant) if in_question else []
+            answer, in_question = _of_changed(admitted)
+            findings += goes_further(in_question, admitted.good, plant) if in_question else []
         else:
-            search = differs(inquiry)
+            search = differs(admitted)
             answer = answer_of(search, question=DIFFERS)
     headline = answer.verdict.headline
     doubted = {f.run for f in findings if f.kind == COLUMN_DOUBTED}
     if answer.verdict.causes and doubted.issuperset(run.name for run in roles[FIT]):
         headline = f"a column may be misread; as it was read, {headline}"
-    return answer.with_verdict(
+    return answer.stamped(
+        plant,
+        time.perf_counter() - began,
         headline=headline,
         findings=findings,
         runs=_records(groups),
-        plant=plant.name,
-        plant_version=plant.version,
-        smad_version=VERSION,
-        seconds=round(time.perf_counter() - began, 2),
     )
 
 
-def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
-    """What is new since the good runs, and the runs that were judged beside no good one.
+def _of_changed(admitted: AdmittedRuns) -> tuple[Answer, Sequence[GapRun]]:
+    """What is new since the good runs, and the runs that were judged without a good partner.
 
-    Runs that repeat good ones show the smallest changes. Where they show no cause, the others are
-    asked: an effect may act in these alone.
+    Runs that repeat good ones show the smallest changes. If they show no cause, the others are
+    judged: an effect may act in these alone.
     """
-    runs = (*inquiry.fit, *inquiry.held_out)
-    repeating = changed_pairs(inquiry)
+    runs = (*admitted.fit, *admitted.held_out)
+    repeating = changed_pairs(admitted)
     if repeating is None:
-        return _of_changed_runs(inquiry), runs
+        return _of_changed_runs(admitted), runs
     search, pairs = repeating
     answer = answer_of(search, question=CHANGED, gaps_of=PAIRED)
     notes = [compared(pairs), *notes_of(pairs)]
@@ -120,7 +117,7 @@ def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
     if answer.verdict.outcome not in _NO_CAUSE:
         note = f"not judged, since no good run has their inputs: {listed}; diagnose them separately"
         return answer.with_verdict(notes=[*notes, note]), ()
-    apart = inquiry.of(names)
+    apart = admitted.of(names)
     apart_runs, of_others = (*apart.fit, *apart.held_out), _of_changed_runs(apart)
     same, more = answer.verdict.outcome, of_others.verdict.outcome
     if more == QUIET or (same == PARAMETERS and more != CAUSES):
@@ -130,9 +127,9 @@ def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
     return of_others.with_verdict(notes=[note, *notes]), apart_runs
 
 
-def _of_changed_runs(inquiry: Inquiry) -> Answer:
+def _of_changed_runs(admitted: AdmittedRuns) -> Answer:
     """What is new in runs with inputs of their own."""
-    return answer_of(changed_runs(inquiry), question=CHANGED)
+    return answer_of(changed_runs(admitted), question=CHANGED)
 
 
 def _require_runs(runs: Sequence[object]) -> None:
@@ -159,9 +156,9 @@ def library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]
 
 
 def _lacking(groups: Mapping[str, RunSet]) -> str:
-    """What the first group of runs is for that were given and of which none can be used.
+    """The purpose of the first group of runs of which none can be used; empty without such a group.
 
-    Without it another question would be answered than was asked. Runs to fit must be there.
+    Without it another question would be answered than was asked. There must be runs to fit.
     """
     for role, words in ((FIT, "to fit"), (HOLD_OUT, "held out"), (GOOD, "known to be good")):
         if (groups[role].given or role == FIT) and not groups[role].admitted:
@@ -170,7 +167,7 @@ def _lacking(groups: Mapping[str, RunSet]) -> str:
 
 
 def _records(groups: Mapping[str, RunSet]) -> list[RunRecord]:
-    """Every run that was given, by its role; refused ones as such."""
+    """A record of every run that was given, with its role or `refused`."""
     return [
         RunRecord.of(r, "refused" if r.name in group.refused else role)
         for role, group in groups.items()

@@ -1,4 +1,4 @@
-"""The experiment by which the rivals that runs leave confused differ most."""
+"""Which experiment of the catalogue separates the rivals that remain."""
 
 from __future__ import annotations
 
@@ -28,19 +28,18 @@ class Offer:
 
 
 def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offer]]:
-    """The rivals that are confused, in words, and experiments, the one that parts them most first.
+    """The rivals that remain, in words, and experiments, the one that separates them most first.
 
-    d² is the squared difference of two rivals' predictions in standard deviations of a row, what
-    the model leaves of its runs counted as noise; each rival is as it was fitted to these runs.
-    Both lists are empty where nothing is confused.
+    d² is the squared distance of two rivals' predictions in standard deviations of a row; the
+    residual of the fits counts as noise. Both lists are empty where one rival remains.
     """
     search, fits = answer.search, [r.fit for r in answer.alternatives if r.fit is not None]
     if search is None or len(fits) < 2:
         return [], []
     evidence, model = search.question.evidence, search.question.model
     plant = model.plant
-    left = (without_drifts(evidence, f.left) for f in fits)
-    variances = min(map(evidence.variances, left), key=lambda v: v.sum())
+    residual = (without_drifts(evidence, f.residual) for f in fits)
+    variances = min(map(evidence.variances, residual), key=lambda v: v.sum())
     scale = evidence.floors * np.sqrt(np.maximum(variances, 1.0))
     words = [rival_words(plant, r) for r in answer.alternatives]
     out: list[Offer] = []
@@ -58,7 +57,7 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
 
 
 def offer_lines(confused: Sequence[str], ranked: Sequence[Offer]) -> list[str]:
-    """What `offers` found in words, and the commands of the best few experiments."""
+    """The result of `offers` in words, with the commands of the best few experiments."""
     if not confused:
         return ["Nothing is confused that a run of the catalogue could tell apart."]
     lines = [f"Not separated: {' or '.join(confused)}. Least d² between two of them:"]
@@ -70,7 +69,7 @@ def offer_lines(confused: Sequence[str], ranked: Sequence[Offer]) -> list[str]:
 
 
 def separation(predicted: Sequence[Array]) -> float:
-    """The least d² between two of what rivals show of a run; 0 where one of them is no number."""
+    """The least d² between two predictions (n, …); 0 where one of them is not finite."""
     if not all(np.isfinite(x).all() for x in predicted):
         return 0.0
     return min((float(((a - b) ** 2).sum()) for a, b in combinations(predicted, 2)), default=0.0)

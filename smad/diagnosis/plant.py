@@ -1,7 +1,7 @@
-"""What the engine knows of a plant: signals, parameters, effects, and how to simulate it.
+"""The interface of a plant: signals, parameters, effects, and how to simulate it.
 
-Anything that satisfies `PlantModel` can be diagnosed. The engine never looks behind it, and nothing
-in the engine knows the name of a channel, a parameter or an effect.
+Anything that satisfies `PlantModel` can be diagnosed. No module of the engine knows the name of a
+channel, a parameter or an effect.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smad import arrays
 from smad.diagnosis.errors import GapError
 from smad.diagnosis.runs import GapRun
 
-Array = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
+Array = arrays.Array
+Singles = arrays.Singles
+Index = arrays.Index
+Mask = arrays.Mask
 EffectValues = Mapping[str, Mapping[str, float]]
 """Values of the parameters of each effect that is switched on, by effect and parameter name."""
 
@@ -110,7 +110,7 @@ class EffectParameter:
 
     @property
     def scale(self) -> float:
-        """What a step of 1 in a fit's coordinate is: |typical|, or half the range where it is 0."""
+        """The unit of its coordinate in a fit: |typical|, or half the range where that is 0."""
         return abs(self.typical) or (self.high - self.low) / 2
 
 
@@ -154,7 +154,7 @@ class ModelPoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Uncertainty:
-    """What a diagnosis left uncertain: covariance (k, k) of values in the plant's own units.
+    """Covariance (k, k) of the values of a fitted model, in the plant's own units.
 
     A name is that of a parameter, or EFFECT.PARAMETER.
     """
@@ -195,14 +195,13 @@ class PlantModel(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Traits:
-    """What a plant's parameters do from one run to the next.
+    """How a plant varies from run to run, and what its runs must be.
 
-    `day`: parameters that differ a little, with the share of their prior's standard deviation that
-    is usual. `environment`: parameter -> channel that measures it at the start of a run; its
-    difference is carried over by the model. `drift`: places that wander by themselves within a run,
-    with the usual size of that in the unit of the place. `shortest_s`: what a run must be long.
-    `longest_step_s`: what its samples may be apart. `together`: how many replays are worth asking
-    for at once, from threads.
+    `day`: parameters that vary, with their usual standard deviation as a share of the prior's.
+    `environment`: parameter -> channel that measures it at the start of a run; the model carries
+    its difference over. `drift`: places that drift within a run, with the usual size in the unit of
+    the place. `shortest_s`: least duration of a run. `longest_step_s`: longest sample interval.
+    `together`: number of replays that are worth running at once, in threads.
     """
 
     day: Mapping[str, float] = field(default_factory=dict)
@@ -214,14 +213,14 @@ class Traits:
 
 
 def traits_of(plant: PlantModel) -> Traits:
-    """The `traits` of a plant; none where it tells none."""
+    """The `traits` of a plant; the defaults where it has none."""
     traits: Traits = getattr(plant, "traits", Traits())
     return traits
 
 
 @runtime_checkable
 class Experimenter(Protocol):
-    """What a plant has beside, if experiments are to be proposed."""
+    """What a plant offers for experiments to be proposed."""
 
     def catalogue(self) -> Sequence[Experiment]:
         """Safe experiments, within the limits of temperature, current and force."""
@@ -234,7 +233,7 @@ class Experimenter(Protocol):
 
 @runtime_checkable
 class SavesModel(Protocol):
-    """A plant that can write a model file, with what is uncertain of it where that is known."""
+    """A plant that can write a model file, with its covariance where that is known."""
 
     def save_model(
         self, point: ModelPoint, path: Path, note: str, uncertainty: Uncertainty | None = None
@@ -247,12 +246,12 @@ def nominal_point(plant: PlantModel) -> ModelPoint:
 
 
 def nominal_replay(run: GapRun, plant: PlantModel, *, fast: bool = True) -> dict[str, Array]:
-    """What the nominal model predicts of a run, by channel, (n,) each; `fast` as in `simulate`."""
+    """Prediction of a run by the nominal model, by channel, (n,) each; `fast` as in `simulate`."""
     return plant.simulate(nominal_point(plant), run, fast=fast)
 
 
 def moved_parameters(plant: PlantModel, start: ModelPoint, x: Array) -> dict[str, float]:
-    """Parameters so many prior standard deviations from those of a point, within their ranges."""
+    """Parameters of a point moved by `x` (p,) prior standard deviations, within their ranges."""
     return {
         q.name: float(np.clip(start.theta.get(q.name, q.nominal) + q.prior_sd * v, q.low, q.high))
         for q, v in zip(plant.parameters, x, strict=True)

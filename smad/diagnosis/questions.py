@@ -1,11 +1,11 @@
 """The two questions about recorded runs, as evidence and a model: *differs* and *changed*.
 
-*Differs*: parameters are free from the start, and a rival acts in every run. *Changed*: the good
-runs are asked first, as *differs*; the simulator that they leave is the model of the runs in
-question, its parameters tied to where the good runs have them, give or take a day, until other
-values of them are the answer. If runs repeat the inputs of good ones, they are compared with those
-as in a check-up: what the model gets wrong is in both. Else what the good runs are left with counts
-as floor: what the simulator still gets wrong everywhere is not new.
+*Differs*: the parameters are free from the start, and a rival acts in every run. *Changed*: a
+search on the good runs comes first. Its result is the model of the runs in question, with the
+parameters tied to their values there within a day's variation, until other values of them enter.
+Runs that repeat the inputs of good ones are compared with those as in a check-up, so that model
+errors cancel. For other runs the residual of the good runs is added to the floors: such an error is
+not new.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from smad.diagnosis.data.noise import estimate_floors
-from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
+from smad.diagnosis.paired.difference import PairedRuns, pair_runs, question_of_pairs
 from smad.diagnosis.paired.good import good_runs
 from smad.diagnosis.paired.match import grouped, same_programme
 from smad.diagnosis.places.bare import InWindows, unwrapped
@@ -25,21 +25,19 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Array, Effect, ModelPoint, nominal_point
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.rival import Question, day_variance, question_of
-from smad.diagnosis.rivals.search import Searched, searched
+from smad.diagnosis.rivals.search import Search, run_search
 from smad.diagnosis.rivals.uncertainty import Precision
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say
 
 _MOST_OF_GOOD = 2
-"""What the simulator lacks on the good runs is a floor for the rest: two causes take most of it."""
+"""Parts that may enter on the good runs: two explain most, and the rest becomes floor."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Inquiry:
-    """Runs that were admitted: `fit` to fit, `held_out` to judge on (or none), and `good` ones.
-
-    Rows are of `period_s`.
-    """
+class AdmittedRuns:
+    """Admitted runs to `fit`, `held_out` to judge on (may be empty) and `good`, in rows of
+    `period_s`; candidate `effects`."""
 
     plant: PlacesPlant
     fit: tuple[GapRun, ...]
@@ -49,8 +47,8 @@ class Inquiry:
     period_s: float
     say: Say
 
-    def of(self, names: Sequence[str]) -> Inquiry:
-        """The same of some runs in question; if all are held out, they are fitted as well."""
+    def of(self, names: Sequence[str]) -> AdmittedRuns:
+        """Only these runs in question, with all good ones; if all are held out, they are fitted."""
         fit, held_out = (
             tuple(run for run in runs if run.name in names) for runs in (self.fit, self.held_out)
         )
@@ -58,7 +56,7 @@ class Inquiry:
 
     @cached_property
     def floors(self) -> Array:
-        """What a residual of a row is measured by, in channel units, (channels,)."""
+        """Floors of a row over all runs, in channel units, (channels,)."""
         runs = (*self.fit, *self.held_out, *self.good)
         return estimate_floors(runs, self.plant, self.period_s)
 
@@ -70,7 +68,7 @@ class Inquiry:
         floors: Array,
         tied: Array | None = None,
     ) -> Question:
-        """What is asked of some runs with the model at `start`."""
+        """The question about runs to fit and held out, with the model at `start`."""
 
         def rows(runs: Sequence[GapRun]) -> Evidence:
             return recorded_evidence(self.plant, runs, floors, self.period_s, start)
@@ -86,57 +84,57 @@ class Inquiry:
         )
 
 
-def differs(inquiry: Inquiry) -> Searched:
-    """What the simulator lacks. Raises GapError where the model cannot replay the runs."""
-    start = nominal_point(inquiry.plant)
-    return searched(inquiry.question(start, inquiry.fit, inquiry.held_out, inquiry.floors))
+def differs(admitted: AdmittedRuns) -> Search:
+    """Search for what the simulator lacks. Raises GapError where it cannot replay the runs."""
+    start = nominal_point(admitted.plant)
+    return run_search(admitted.question(start, admitted.fit, admitted.held_out, admitted.floors))
 
 
-def changed_pairs(inquiry: Inquiry) -> tuple[Searched, Paired] | None:
-    """What is new in runs that repeat good ones, and the pairs that say so; None where no run does.
+def changed_pairs(admitted: AdmittedRuns) -> tuple[Search, PairedRuns] | None:
+    """Search runs that repeat good ones for changes; return the pairs, too, or None without any.
 
     Raises GapError as `differs`.
     """
-    # What is replayed from its readings begins elsewhere on another day: nothing cancels.
-    comparable = () if isinstance(unwrapped(inquiry.plant), InWindows) else inquiry.good
-    same = partial(same_programme, inquiry.plant, period_s=inquiry.period_s)
+    # A replay in windows starts from the readings, which differ from day to day: nothing cancels.
+    comparable = () if isinstance(unwrapped(admitted.plant), InWindows) else admitted.good
+    same = partial(same_programme, admitted.plant, period_s=admitted.period_s)
     groups = grouped(comparable, same)
     repeats = []
-    for run in (*inquiry.fit, *inquiry.held_out):
+    for run in (*admitted.fit, *admitted.held_out):
         repeated = next((good for good, *_ in groups if same(run, good)), None)
         if repeated is not None:
             repeats.append((run, repeated.name))
     if not repeats:
         return None
-    inquiry.say("the good runs")
-    good = good_runs(inquiry.plant, groups, inquiry.period_s)
-    pairs = paired(inquiry.plant, good, repeats)
-    question = question_of_pairs(pairs, inquiry.effects, inquiry.say)
-    return searched(question), pairs
+    admitted.say("the good runs")
+    good = good_runs(admitted.plant, groups, admitted.period_s)
+    pairs = pair_runs(admitted.plant, good, repeats)
+    question = question_of_pairs(pairs, admitted.effects, admitted.say)
+    return run_search(question), pairs
 
 
-def changed_runs(inquiry: Inquiry) -> Searched:
-    """What is new in runs with inputs of their own. Raises GapError as `differs`."""
-    plant = inquiry.plant
+def changed_runs(admitted: AdmittedRuns) -> Search:
+    """Search runs with inputs of their own for changes. Raises GapError as `differs`."""
+    plant = admitted.plant
     n = len(plant.parameters)
-    inquiry.say("the good runs")
-    question = inquiry.question(nominal_point(plant), inquiry.good, (), inquiry.floors)
-    good = searched(question, most=_MOST_OF_GOOD, exchange=False)
+    admitted.say("the good runs")
+    question = admitted.question(nominal_point(plant), admitted.good, (), admitted.floors)
+    good = run_search(question, most=_MOST_OF_GOOD, exchange=False)
     counts = question.judged.counts.sum(axis=0)
     rms = np.sqrt(good.final.squares.sum(axis=0) / np.maximum(counts, 1.0))
-    floors = inquiry.floors * np.maximum(rms, 1.0)
+    floors = admitted.floors * np.maximum(rms, 1.0)
     uncertainty = np.diag(day_variance(plant))
     start = question.model.start
     if good.final.fit is not None:
         start = good.final.fit.point
-    # What good runs say of the parameters they say also where none of them has to move.
+    # The good runs determine the parameters even if none of them has moved.
     known = good.final.fit or good.parameters.fit
     if known is not None:
         precision = Precision.at(question.evidence, known)
         uncertainty = uncertainty + precision.covariance(known)[:n, :n]
     tied = np.asarray(np.linalg.inv(uncertainty))
-    new = inquiry.question(start, inquiry.fit, inquiry.held_out, floors, tied)
-    # What the good runs leave above the noise is the model's form, and stands in these runs, too. A
-    # lead may come from any channel: the one with the largest share decides.
-    form = 1.0 - (inquiry.floors / floors)[counts > 0] ** 2
-    return searched(replace(new, form_share=float(form.max()), good=len(inquiry.good)))
+    new = admitted.question(start, admitted.fit, admitted.held_out, floors, tied)
+    # The residual of the good runs above the noise is model error, which these runs have, too. A
+    # rival may lead in any channel, so the largest share counts.
+    form = 1.0 - (admitted.floors / floors)[counts > 0] ** 2
+    return run_search(replace(new, form_share=float(form.max()), good=len(admitted.good)))

@@ -84,12 +84,17 @@ class GapRun:
 
     @property
     def begins_s(self) -> float:
-        """When the time begins that the first sample stands for."""
+        """Start of the interval that the first sample stands for."""
         return float(self.t_s[0] - self.dt_s)
+
+    @property
+    def as_recorded(self) -> GapRun:
+        """`whole`, or the run itself where it was not thinned."""
+        return self if self.whole is None else self.whole
 
     @cached_property
     def pieces(self) -> Array:
-        """How many samples of `whole` each sample is the mean of; ones in a run not thinned."""
+        """Number of samples of `whole` in each sample, (n,); ones in a run not thinned."""
         if self.whole is None:
             return np.ones(len(self.t_s))
         stops = np.searchsorted(self.whole.t_s, self.t_s, side="right")
@@ -97,8 +102,8 @@ class GapRun:
 
     @cached_property
     def readings(self) -> Array:
-        """How many valid samples of `whole` each sample is the mean of, shape (n,)."""
-        good = (self if self.whole is None else self.whole).good.astype(np.float64)
+        """Number of valid samples of `whole` in each sample, (n,)."""
+        good = self.as_recorded.good.astype(np.float64)
         size = self.pieces.astype(np.intp)
         return np.asarray(np.add.reduceat(good, np.cumsum(size) - size))
 
@@ -119,7 +124,7 @@ class GapRun:
         return np.ones(len(self.t_s), dtype=bool) if self.valid is None else self.valid
 
     def at_start(self, channels: Iterable[str]) -> dict[str, float]:
-        """What these channels showed in the first second, by name, where they were measured."""
+        """Median of each measured channel over the first second, by name."""
         n = max(1, round(1.0 / max(self.dt_s, 1e-6)))
         first_second = {c: self.outputs[c][:n] for c in channels if c in self.outputs}
         finite = {c: v[np.isfinite(v)] for c, v in first_second.items()}
@@ -151,7 +156,7 @@ def _is_column(column: object) -> bool:
 
 
 def bridged(column: Array) -> Array:
-    """The column with its gaps filled on lines; as it is without a gap, or without a number."""
+    """The column (n,) with NaN filled by linear interpolation; unchanged if all or none are NaN."""
     good = np.isfinite(column)
     if good.all() or not good.any():
         return column
@@ -160,10 +165,7 @@ def bridged(column: Array) -> Array:
 
 
 def distinctly_named(groups: Iterable[Sequence[GapRun]]) -> list[list[GapRun]]:
-    """The same groups of runs, whose findings and scores are told apart by name.
-
-    A run that has the name of an earlier one is numbered: "push (2)".
-    """
+    """The groups with distinct names: a second run of a name is numbered, "push (2)"."""
     taken: set[str] = set()
 
     def named(run: GapRun) -> GapRun:

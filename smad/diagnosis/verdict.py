@@ -1,6 +1,6 @@
-"""What a diagnosis says, as records that go to JSON as they are.
+"""The verdict of a diagnosis as records that are written to JSON as they are.
 
-Everything that a report, a command or a file says of a diagnosis must be a field of `Verdict`.
+Reports, commands and files state nothing of a diagnosis that is not a field of `Verdict`.
 """
 
 from __future__ import annotations
@@ -16,23 +16,24 @@ from smad.diagnosis.errors import GapError, PlantMismatch
 from smad.diagnosis.runs import GapRun
 from smad.units import in_words
 
-QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED = (
+QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED = OUTCOMES = (
     "quiet", "parameters", "causes", "unexplained", "refused",
 )  # fmt: skip
-OUTCOMES = (QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED)
-"""Nothing beyond the floor; other values of the parameters explain it; causes are told; more than
-the parameters is missing, and no rival explains it; no verdict."""
+"""Nothing above the floor; other values of the parameters explain the gap; causes are reported;
+something is missing that no rival explains; no verdict."""
 DIFFERS, CHANGED, CHECK_UP = "differs", "changed", "check-up"
 COLUMN_DOUBTED = "column doubted"
 """Kind of the finding that a column looks misread."""
 MEASURED, PAIRED = "measured − predicted", "whitened now − then"
-"""What gaps are of: runs by themselves, or runs that repeat good ones."""
+"""What gaps are measured on: single runs, or pairs with a good run."""
 
+AT_FLOOR = 1.3
+"""Floors are known to a third: a channel that leaves at most so many floors shows nothing."""
 _NAMED = 2
 """Names beside the first one that a heading lists."""
 _MOST_DECIMALS, _LARGE = 5, 1e5
 _UNEXPLAINED_FLOORS = 1.5
-"""Floors are known to a third, runs differ: from here on a gap is more than noise."""
+"""A gap above it is more than noise: floors are known to a third, and runs differ."""
 
 
 def labelled(words: str, unit: str) -> str:
@@ -128,7 +129,7 @@ class EffectValue(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RivalGap(msgspec.Struct, frozen=True, kw_only=True):
-    """A row of the table of rivals: a hypothesis, what it leaves of the judged runs, how likely.
+    """A row of the table of rivals: a hypothesis, its gap on the judged runs, its probability.
 
     `kind` is nothing, parameters, effect or law; `name` that of the effect or of the law's place,
     `places` where it acts. `title` says what an effect is, `values` are those that fit it best.
@@ -216,10 +217,8 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def read(self) -> list[LawTerm]:
-        """The terms that say something: a constant only where there is no other.
-
-        Beside others it depends on where the middle of their states lies.
-        """
+        """The terms with a meaning of their own: without the constant beside others, whose value
+        depends on where the middle of their states lies."""
         return self.terms[:-1] if len(self.terms) > 1 else self.terms
 
     @property
@@ -230,7 +229,7 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def refitted(self) -> bool:
-        """Whether later fits moved its values from those that the table of rivals shows."""
+        """Whether its values differ from those in the table of rivals, by later fits."""
         row = self.rival
         return row is None or [v.text for v in row.values] != [v.text for v in self.values]
 
@@ -248,7 +247,7 @@ class ParameterMoved(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SignalGap(msgspec.Struct, frozen=True, kw_only=True):
-    """One signal's RMS on the runs judged, in its unit, of what the verdict's `gaps_of` says.
+    """One signal's RMS on the judged runs, in its unit, of the quantity in the verdict's `gaps_of`.
 
     `raw`: the simulator as configured; `parameters`: with other values of the parameters;
     `causes`: with the first cause, the first two, and so on. `floor` is its noise.
@@ -269,7 +268,7 @@ class SignalGap(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def final(self) -> float:
-        """With everything that is told."""
+        """With all causes."""
         return self.causes[-1] if self.causes else self.parameters
 
 
@@ -379,13 +378,13 @@ def headline_of(
     beside = "".join(f", and {cause.short}" for cause in causes[1:])
     goes = _goes(before, after)
     if round(before, 2) <= round(after, 2):
-        # Close to the floor parameters may imitate a cause, by values that are far from the prior.
+        # Near the floor parameters may imitate a cause, by values far from the prior.
         goes = f"{_goes(raw, after)}; unlikely values of the parameters leave {before:.1f}"
     return f"{verb} the {first.words}: {first.title}{likely}{beside}; {goes}"
 
 
 def _goes(before: float, after: float) -> str:
-    """A gap that shrinks, with the digits that show it, and what is left of it above the noise."""
+    """How a gap shrinks, in words, with the digits that show it, and what remains above noise."""
     digits = 1 if f"{before:.1f}" != f"{after:.1f}" else 2
     rest = f", {after:.{digits}f} floors stay unexplained" if after > _UNEXPLAINED_FLOORS else ""
     return f"the gap goes from {before:.{digits}f} to {after:.{digits}f} floors{rest}"

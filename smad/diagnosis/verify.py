@@ -1,4 +1,4 @@
-"""The gap of new runs before and after an improved model, in the open loop."""
+"""The gap of new runs with the nominal and with an improved model, without any fit."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from smad.progress import silent
 def verified(plant: PlantModel, runs: Sequence[GapRun], model: ModelPoint) -> list[SignalGap]:
     """RMS of every channel with the nominal model (`raw`) and with `model` (`causes`).
 
-    The last is over all channels, in floors. Rows and floors are those that a diagnosis of these
-    runs has. Raises RunRefused when no run is admitted.
+    The last row is over all channels, in floors. Rows and floors are as in a diagnosis of these
+    runs. Raises RunRefused when no run is admitted, GapError where a model cannot replay them.
     """
     period_s = row_of_admitted_s(runs, plant)
     admission = admit(runs, plant, period_s)

@@ -8,13 +8,13 @@ from typing import Any
 
 import msgspec
 
+from smad.diagnosis.data.noise import third_difference_sd
 from smad.diagnosis.runs import GapRun
 from smad.fmi.errors import FmiError
 from smad.fmi.map_file import Map
 from smad.simulators.columns import (
     LAG_OF_CORRELATION,
     UNMEASURED,
-    noise_of,
     quantum_of,
     span_of,
     usual_correlation_s,
@@ -50,7 +50,7 @@ def completed(mapped: Map, runs: Sequence[GapRun]) -> tuple[Map, str]:
         if "quantum" in lacking:
             given["quantum"] = quantum_of(columns)
         if "noise" in lacking:
-            noise = noise_of(columns) if columns else 0.0
+            noise = third_difference_sd(columns) if columns else 0.0
             given["noise"] = noise or UNMEASURED * (given["high"] - given["low"])
         taken.setdefault(", ".join(lacking), []).append(name)
         return msgspec.structs.replace(row, **given)

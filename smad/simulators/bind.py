@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from smad.diagnosis.data.grid import MOST_ROWS, row_length_s
+from smad.diagnosis.data.noise import third_difference_sd
 from smad.diagnosis.plant import Channel, Signal, Traits
 from smad.diagnosis.runs import GapRun
 from smad.records.csv_table import CsvFormat
@@ -17,7 +18,6 @@ from smad.simulators.columns import (
     LAG_OF_CORRELATION,
     UNMEASURED,
     Table,
-    noise_of,
     quantum_of,
     require_time,
     run_of,
@@ -136,7 +136,7 @@ def _signals(declared: Simulator, inputs: Sequence[str], tables: Sequence[Table]
 def _channel(declared: Simulator, name: str, runs: Sequence[GapRun]) -> Channel:
     columns = [r.outputs[name] for r in runs if name in r.outputs]
     low, high = span_of(columns, [r.written[name] for r in runs if name in r.written])
-    noise = declared.noise.get(name) or noise_of(columns)
+    noise = declared.noise.get(name) or third_difference_sd(columns)
     # A reading at the end of what was seen is not at the end of what it can show.
     ends = declared.ranges.get(name, (2.0 * low - high, 2.0 * high - low))
     return Channel(

@@ -333,14 +333,6 @@ def quantum_of(columns: Sequence[Array]) -> float:
     return least if bool(np.all(off < _WHOLE)) else 0.0
 
 
-def noise_of(columns: Sequence[Array]) -> float:
-    """Standard deviation of a sample's noise, from what no smooth course explains."""
-    # Third differences remove a smooth course; of white noise their variance is 20 σ².
-    rest = np.abs(np.concatenate([np.zeros(0), *(np.diff(c, 3) for c in columns)]))
-    rest = rest[np.isfinite(rest)]
-    return float(np.quantile(rest, 0.25) / 0.3186 / np.sqrt(20.0)) if rest.size else 0.0
-
-
 def correlation_time_s(t_s: Array, y: Array) -> float:
     """Time in which the autocorrelation of a signal falls to 1/e."""
     level = y - np.mean(y)

@@ -18,7 +18,8 @@ Replay = Callable[[Array, Mapping[str, Array], Mapping[str, float], Mapping[str,
 `t` (n,) begins at 0; `inputs` are (n,) each, not to be written to; `values` are the parameters and
 effects; `start` has the first reading of each output and its rate (`NAME`, `NAME_rate`).
 """
-_PRIOR_OF_RANGE = 1.0 / 6.0
+PRIOR_OF_RANGE = 1.0 / 6.0
+"""Share of a parameter's range that is the standard deviation of its prior, unless given."""
 _TYPICAL_OF_RANGE = 10.0
 _QUANTITIES = {
     **{name: name for name in ("mass", "length", "temperature", "force", "torque", "current",
@@ -170,7 +171,7 @@ def _parameter(name: str, row: Sequence[float], units: Mapping[str, str]) -> Par
             limit="low <= value <= high, low < high",
             action="give (value, low, high)",
         )
-    prior = more[0] if more else _PRIOR_OF_RANGE * (high - low)
+    prior = more[0] if more else PRIOR_OF_RANGE * (high - low)
     if not prior > 0.0:
         raise SimulatorError(
             f"parameter {name} has a prior that it cannot leave",

@@ -81,7 +81,7 @@ class SimulatedPlant(ReplayedPlant):
         return driven
 
     def _course(self, point: ModelPoint, run: GapRun, moved: str) -> tuple[Array, dict[str, Array]]:
-        whole = run if run.whole is None else run.whole
+        whole = run.as_recorded
         driven = self._driven(point, run, whole)
         values = self.declared.values(point.theta, point.effects)
         key = (
@@ -136,11 +136,11 @@ class SimulatedPlant(ReplayedPlant):
 
     def windows(self, run: GapRun) -> list[Window]:
         """Those of the whole run."""
-        return self._windows.of(run if run.whole is None else run.whole, self.window_s)
+        return self._windows.of(run.as_recorded, self.window_s)
 
     def seams(self, run: GapRun) -> list[int]:
         """The samples of a run, thinned or not, at which a window begins."""
-        whole = run if run.whole is None else run.whole
+        whole = run.as_recorded
         starts = [whole.t_s[a] for a, *_ in self.windows(whole)]
         return sorted({int(np.searchsorted(run.t_s, t)) for t in starts} | {0})
 

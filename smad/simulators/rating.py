@@ -21,9 +21,11 @@ from sim_device.plant.errors import PlantError
 from smad.counted import listed
 from smad.diagnosis.data.columns import filled
 from smad.diagnosis.data.grid import Grid, row_length_s, thinned
+from smad.diagnosis.data.noise import RESOLUTION, excursion
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Array, ModelPoint, PlantModel, nominal_point
+from smad.diagnosis.rivals.evidence import CORRELATED
 from smad.diagnosis.runs import GapRun
 
 Rated = Literal["identifiable", "weak", "not", "unknown"]
@@ -35,9 +37,6 @@ _OF_SCALE = {True: 100.0, False: 30.0}
 """Times the scale of a place, a reading or not, that a law there may well be."""
 _ALIKE = 0.95
 """Squared cosine of what two causes leave from which runs do not tell them apart."""
-_CORRELATED = 16.0
-"""Rows that are worth an independent one, as in a diagnosis."""
-_RESOLUTION = 1e-3
 _THETA_STEP = 0.1
 _NAMED = 3
 """Names of what is unknown for one reason, in words."""
@@ -101,7 +100,7 @@ def rate(plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0) ->
     # The first replay of all may have compiled a kernel.
     ends = time.process_time() + within_s
     slopes, missed_by = _slopes(sheet, ends)
-    gram = slopes @ slopes.T / _CORRELATED + np.eye(len(slopes))
+    gram = slopes @ slopes.T / CORRELATED + np.eye(len(slopes))
     played, missed = list[tuple[_Cause, Array]](), list[Rating]()
     for c in (*_effects(sheet), *_places(sheet)):
         late = time.process_time() > ends
@@ -129,7 +128,7 @@ def _noticed(
     They imitate a cause by least squares with their priors, and neither beyond their ranges nor
     farther than is likely: of a cause that asks for more they leave what is over.
     """
-    pull = slopes @ rows / _CORRELATED
+    pull = slopes @ rows / CORRELATED
     x = np.linalg.solve(gram, pull)
     left = rows - slopes.T @ x
     floors = sheet.size(left)
@@ -181,7 +180,7 @@ def _parameters(
 ) -> list[Rating]:
     """Each parameter by what runs leave of its prior deviation, the others free."""
     spread = np.sqrt(np.diag(np.linalg.inv(gram)))
-    size = np.sqrt(_CORRELATED * np.maximum(spread**-2 - 1.0, 0.0) / max(slopes.shape[1], 1))
+    size = np.sqrt(CORRELATED * np.maximum(spread**-2 - 1.0, 0.0) / max(slopes.shape[1], 1))
     out = []
     for q, sd, rows, why in zip(plant.parameters, spread, size, missed_by, strict=True):
         rating = IDENTIFIABLE if sd < _SURE else WEAK if sd < _LITTLE else NOT
@@ -221,8 +220,8 @@ class _Sheet:
         floors = []
         for c in plant.channels:
             noise = max(c.noise / np.sqrt(per_row), c.quantum / np.sqrt(12.0))
-            span = np.median([np.ptp(np.quantile(y[c.name], (0.01, 0.99))) for y in outputs])
-            floors.append(np.hypot(noise, _RESOLUTION * span) or 1.0)
+            resolution = RESOLUTION * excursion([y[c.name] for y in outputs])
+            floors.append(np.hypot(noise, resolution) or 1.0)
         quick = tuple(thinned(r, period_s / _PIECES, plant.inputs) for r in measured)
         bare = cls(
             plant, quick, tuple(Grid.of(r, period_s) for r in quick), np.array(floors), np.zeros(0)

@@ -16,9 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from smad.diagnosis.data.noise import third_difference_sd
 from smad.diagnosis.plant import Array
 from smad.diagnosis.runs import GapRun
-from smad.simulators.columns import correlation_time_s, noise_of, quantum_of
+from smad.simulators.columns import correlation_time_s, quantum_of
 
 _OF_CORRELATION = 0.3
 _FEWEST, _MOST = 4, 20
@@ -123,7 +124,9 @@ class Starts:
             for n, y in measured.items()
         }
         self._variance = {
-            n: noise_of([y]) ** 2 + quantum_of([y]) ** 2 / 12.0 + (_RESOLUTION * np.ptp(y)) ** 2
+            n: third_difference_sd([y]) ** 2
+            + quantum_of([y]) ** 2 / 12.0
+            + (_RESOLUTION * np.ptp(y)) ** 2
             for n, y in measured.items()
         }
 
@@ -181,7 +184,7 @@ class Windows:
 
         One that is pushed has the same times and readings, and so the same windows.
         """
-        whole = run if run.whole is None else run.whole
+        whole = run.as_recorded
         key = (id(run.t_s), id(whole.outputs), window_s)
         if key not in self._cut_runs:
             # The run is kept as well, so that nothing else gets its number.

@@ -11,7 +11,7 @@ import pytest
 from evaluation.errors import QuizError
 from evaluation.quiz import ends
 from evaluation.quiz.session import Order, investigated
-from smad.checkup.inquiry import Record, Report
+from smad.checkup.investigation import Record, Report
 from smad.checkup.store import SCHEMA, About
 from smad.diagnosis.verdict import CAUSES, CHECK_UP, Verdict
 from tests.evaluation.told import effect_told

@@ -204,7 +204,7 @@ def test_the_cases_of_a_bench_go_on_after_one_whose_worker_died(tmp_path: Path) 
     assert list(file.notes) == ["case-2"]
 
 
-def judged(order: Check) -> Judged:
+def judge_runs(order: Check) -> Judged:
     """What becomes of the first case."""
     case = order.manifest.cases[0]
     return judge(order, case, order.made_of(case))
@@ -214,13 +214,13 @@ def test_a_run_that_cannot_be_read_is_part_of_the_answer(order: Check) -> None:
     table = columns()
     del table["duty_y"]
     write(order.folder, "case-1/fit.parquet", table)
-    found = judged(order)
+    found = judge_runs(order)
     assert found.verdict is None
     assert "duty_y" in found.error
 
 
 def test_runs_that_are_too_short_give_a_verdict_that_says_why(order: Check) -> None:
-    verdict = judged(order).verdict
+    verdict = judge_runs(order).verdict
     assert verdict is not None
     assert verdict["outcome"] == REFUSED
     assert verdict["causes"] == []

@@ -1,1 +1,1 @@
-"""Runs made ready: admitted, laid out as rows on one grid and replayed, their noise floors."""
+"""From given runs to admitted ones: checks, rows on one grid, replays, noise floors."""

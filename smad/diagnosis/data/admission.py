@@ -1,9 +1,9 @@
-"""Which runs can support the question, up to where, and what is wrong with the others, by name.
+"""Which runs can be used, up to where, and what is wrong with the others.
 
-The one place where what was recorded becomes runs of the diagnosis. In this order: what is no
-reading is taken out (`columns`), the run ends at its first hole, its length is looked at, the plant
-is asked for its contract (`contract`), and the nominal model for its opinion (`opinions`). All of
-it is said in findings, which the JSON, the terminal and the page share.
+The one place where recordings become runs of the diagnosis. In this order: values that are no
+readings are removed (`columns`), the run ends at its first hole, its length is checked, the plant
+must fulfil its contract (`contract`), and the nominal model is compared (`opinions`). Each result
+is a finding, which the JSON, the terminal and the page share.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from smad.counted import listed
 from smad.diagnosis.data.columns import (
     EVEN,
-    Say,
+    Note,
     filled,
     jitter,
     lost_share,
@@ -24,7 +24,7 @@ from smad.diagnosis.data.columns import (
     up_to_first_hole,
     with_lost,
 )
-from smad.diagnosis.data.contract import replayed, require_contract
+from smad.diagnosis.data.contract import checked_replay, require_contract
 from smad.diagnosis.data.doubts import doubted_columns
 from smad.diagnosis.data.grid import LEAST_PERIODS, MOST_ROWS, row_length_s
 from smad.diagnosis.data.guards import without_repeats
@@ -36,13 +36,13 @@ from smad.diagnosis.verdict import COLUMN_DOUBTED, Finding
 from smad.records.readings import doubted_step
 
 ROUNDED = 0.01
-"""Of a sample: by how much lengths that are equal may differ through rounding."""
+"""Share of a sample by which equal lengths may differ through rounding."""
 _FEW = 0.005
-"""Of the samples, that may be lost without a word in a run that can be used."""
+"""Share of the samples that may be lost without a finding."""
 _SHOWN = 0.0005
-"""Of the samples: less would be printed as 0.0 %."""
+"""Share of the samples below which 0.0 % would be printed."""
 _NAMED = 4
-"""Columns that a finding names."""
+"""Most columns that a finding names."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +65,10 @@ def admit(
     period_s: float,
     contract_run: list[GapRun] | None = None,
 ) -> RunSet:
-    """Checks every run. A bad channel is taken out of its run; a bad run is refused.
+    """Check every run. A bad channel is removed from its run; a bad run is refused.
 
-    The plant is asked for its contract with the first run that can be replayed; `contract_run`
-    keeps that run for further calls. Raises PlantMismatch for a plant that breaks it.
+    The plant's contract is checked with the first run that can be replayed, which `contract_run`
+    keeps for further calls. Raises PlantMismatch for a plant that breaks it.
     """
     contract_run = [] if contract_run is None else contract_run
     admitted, findings = [], []
@@ -81,10 +81,10 @@ def admit(
 
 
 def row_of_admitted_s(runs: Sequence[GapRun], plant: PlantModel) -> float:
-    """Length of a row that suits the runs as they will be admitted, up to their first hole.
+    """Length of a row for the runs as they will be admitted, up to their first hole.
 
-    Shorter runs ask for shorter rows, and a shorter row is exceeded by more holes: both are looked
-    at in turn until the row becomes no shorter.
+    Shorter runs need shorter rows, and shorter rows make more gaps count as holes: so both are
+    determined in turn until the row gets no shorter.
     """
     read = [readable(run, plant.inputs, plant.channels, _quiet) for run in runs]
 
@@ -99,7 +99,7 @@ def row_of_admitted_s(runs: Sequence[GapRun], plant: PlantModel) -> float:
 
 
 def _quiet(kind: str, text: str, *, refuses: bool = False) -> None:
-    """Say nothing: what is found is said when the runs are admitted."""
+    """Ignore a finding: it is noted when the runs are admitted."""
 
 
 def admit_groups(
@@ -107,9 +107,9 @@ def admit_groups(
 ) -> dict[str, RunSet]:
     """Each group of runs (fit, hold-out, good), in an order that does not depend on the one given.
 
-    Runs are told apart by name, no recording is in two places, and groups have those channels only
-    that each has: what one group was fitted on could not be judged, or called unusual, on a group
-    without it. A group of no runs asks for nothing; a run whose last channel goes is refused.
+    Names become distinct, a recording is in one group only, and groups keep the channels that all
+    of them have: what one group was fitted on could not be judged on a group without it. A run that
+    loses its last channel is refused.
     """
     order = [sorted(group, key=lambda r: (r.digest, r.name)) for group in groups.values()]
     named = dict(zip(groups, distinctly_named(order), strict=True))
@@ -173,13 +173,13 @@ def _admit_one(
     if not contract_run:
         require_contract(plant, run)
         contract_run.append(run)
-    predicted = replayed(plant, run)
+    predicted = checked_replay(plant, run)
     run = used(run, predicted, plant, say=say)
     if any(f.refuses for f in findings):
         return run, findings
-    # A replay may begin from what was measured.
+    # A replay may start from the measured channels.
     if run.outputs.keys() != given.outputs.keys():
-        predicted = replayed(plant, run)
+        predicted = checked_replay(plant, run)
     compare(run, predicted, plant, period_s, say=say)
     for text in doubted_columns(plant, run, predicted):
         say(COLUMN_DOUBTED, text)
@@ -187,11 +187,11 @@ def _admit_one(
 
 
 def _require_length(
-    run: GapRun, given: GapRun, plant: PlantModel, period_s: float, say: Say
+    run: GapRun, given: GapRun, plant: PlantModel, period_s: float, say: Note
 ) -> None:
-    """Refuses a run that is too short, or sampled too slowly."""
+    """Refuse a run that is too short or sampled too slowly; note uneven times."""
     least_s = max(LEAST_PERIODS * period_s, traits_of(plant).shortest_s)
-    # Rows are whole samples: what a rounded time stamp lacks is not a missing one.
+    # Rows are whole samples: a rounded time stamp is no missing sample.
     if run.duration_s + run.dt_s < least_s - ROUNDED * run.dt_s:
         cut = "" if run.duration_s == given.duration_s else ", up to where it can be used"
         by_rows = LEAST_PERIODS * period_s > traits_of(plant).shortest_s
@@ -211,8 +211,8 @@ def _require_length(
         say("time uneven", text)
 
 
-def _require_channel(run: GapRun, given: GapRun, plant: PlantModel, say: Say) -> None:
-    """Refuses a run that has no reading of any channel, and names these."""
+def _require_channel(run: GapRun, given: GapRun, plant: PlantModel, say: Note) -> None:
+    """Refuse a run without a reading of any channel of the plant."""
     names = [c.name for c in plant.channels]
     if any(n in run.outputs and np.isfinite(run.outputs[n]).any() for n in names):
         return
@@ -230,8 +230,8 @@ def _require_channel(run: GapRun, given: GapRun, plant: PlantModel, say: Say) ->
     )
 
 
-def _require_rows(run: GapRun, cut: GapRun, plant: PlantModel, period_s: float, say: Say) -> None:
-    """Refuses a run of which too few rows can be compared; says what is lost of one that can.
+def _require_rows(run: GapRun, cut: GapRun, plant: PlantModel, period_s: float, say: Note) -> None:
+    """Refuse a run with too few usable rows; note lost samples of others.
 
     `cut`: the run with NaN where there is no reading, and without the samples that were lost.
     """

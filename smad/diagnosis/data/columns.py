@@ -1,6 +1,6 @@
-"""The columns of a run as they can be used: what is no reading is taken out, what lacks is bridged.
+"""The columns of a run made usable: values that are no readings are removed, gaps are bridged.
 
-A run comes with NaN where nothing was recorded. Nothing here asks a model.
+A run comes with NaN where nothing was recorded. Nothing here uses a model.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from smad.records.readings import checked_columns, doubted_step, on_lines
 from smad.records.units import Written
 
 EVEN = 0.1
-"""The `jitter` of a time up to which its steps are even."""
+"""Largest `jitter` of an even time."""
 _SURE = 6.0
-"""Times the jitter, over the root of the steps, that are three standard errors of their median."""
-Say = Callable[..., None]
-"""Notes a finding about the run at hand: `kind`, `text`, and by name whether it `refuses` it."""
+"""Three standard errors of the median step, in units of jitter over the root of their number."""
+Note = Callable[..., None]
+"""Notes a finding about the run at hand: its `kind`, `text`, and whether it `refuses` the run."""
 
 
 def readable(
     run: GapRun,
     inputs: Sequence[Signal],
     channels: Sequence[Channel],
-    say: Say,
+    say: Note,
     longest_step_s: float = math.inf,
 ) -> GapRun:
-    """The run with NaN for what is no reading, without channels that hold too few.
+    """The run with NaN in place of values that are no readings, without channels that hold too few.
 
-    An input that cannot be used, a column beyond its range, and samples further apart than
-    `longest_step_s` refuse the run.
+    The run is refused for an unusable input, a column beyond its range, or samples further apart
+    than `longest_step_s`.
     """
     if not len(run.t_s):
         return run
@@ -80,7 +80,7 @@ def readable(
 
 
 def filled(run: GapRun) -> GapRun:
-    """The run without NaN in its columns; samples that had one in any of them do not count."""
+    """The run with NaN interpolated; samples with NaN in any column are not valid."""
     whole = np.ones(len(run.t_s), dtype=bool)
     for column in (*run.inputs.values(), *run.outputs.values()):
         finite = np.isfinite(column)
@@ -96,7 +96,7 @@ def filled(run: GapRun) -> GapRun:
 
 
 def lost_share(t_s: Array) -> float:
-    """Share of the samples that a time, shape (n,), lacks, beyond what its jitter may look like."""
+    """Share of samples missing in a time (n,); 0 if jitter can explain it."""
     steps = np.diff(t_s)
     usual = float(np.median(steps))
     lost = 1.0 - usual * len(steps) / float(np.sum(steps))
@@ -104,17 +104,16 @@ def lost_share(t_s: Array) -> float:
 
 
 def jitter(t_s: Array) -> float:
-    """Median deviation of a time's steps, shape (n,), from the usual one, over that."""
+    """Median deviation of a time's steps (n,) from the median step, relative to it."""
     steps = np.diff(t_s)
     usual = float(np.median(steps))
     return float(np.median(np.abs(steps - usual))) / usual
 
 
 def with_lost(run: GapRun) -> GapRun:
-    """The run with a sample, without a number, for each that its even time lacks.
+    """The run with a sample of NaN for each that its even time lacks, so that steps are equal.
 
-    So a simulator that takes equal steps keeps the run's time. A time whose stamps jitter shows
-    more long steps than lost samples, and stays as it is.
+    An uneven time stays as it is: its long steps need not be lost samples.
     """
     steps = np.diff(run.t_s)
     if not (steps > LOST * run.dt_s).any() or jitter(run.t_s) > EVEN:
@@ -138,11 +137,11 @@ def with_lost(run: GapRun) -> GapRun:
     )
 
 
-def up_to_first_hole(run: GapRun, row_s: float, say: Say) -> GapRun:
-    """The run up to its first time without samples, or without inputs, that is longer than a row.
+def up_to_first_hole(run: GapRun, row_s: float, say: Note) -> GapRun:
+    """The run up to its first hole: a time without samples or inputs that is longer than a row.
 
-    What the model would be driven by in a hole is not known, so neither is the state after it. A
-    single lost sample of a slow log is no hole.
+    In a hole the inputs are unknown, and so is the state after it. A single lost sample of a slow
+    log is no hole.
     """
     step_s, t_s = run.dt_s, run.t_s
     longest_s = max(row_s, 2.5 * step_s)

@@ -1,4 +1,4 @@
-"""What every plant must do, asked once with the first run: shapes, members, and a fresh start."""
+"""The contract of a plant, checked with one run: members, shapes, and no state between calls."""
 
 from __future__ import annotations
 
@@ -14,12 +14,11 @@ from smad.errors import SmadError
 
 
 def require_contract(plant: PlantModel, run: GapRun) -> None:
-    """Ask `simulate` and `regimes` of a run. Raises PlantMismatch, naming the member at fault.
+    """Check `simulate` and `regimes` on a run. Raises PlantMismatch, naming the member at fault.
 
-    The run is replayed twice: a model that keeps a state from one call to the next would blame the
-    bench for it.
+    The run is replayed twice: a state kept between calls would look like a change of the bench.
     """
-    first, second = replayed(plant, run), replayed(plant, run)
+    first, second = checked_replay(plant, run), checked_replay(plant, run)
     for name, course in first.items():
         if not np.array_equal(course, second[name], equal_nan=True):
             apart = np.flatnonzero(course != second[name])
@@ -40,8 +39,8 @@ def require_contract(plant: PlantModel, run: GapRun) -> None:
                 raise _broken(plant, "regimes", run, f"gives mask {name} in another form", wrong)
 
 
-def replayed(plant: PlantModel, run: GapRun) -> dict[str, Array]:
-    """What the nominal model predicts of each channel of a run. Raises PlantMismatch."""
+def checked_replay(plant: PlantModel, run: GapRun) -> dict[str, Array]:
+    """The nominal prediction of a run by channel, (n,) each. Raises PlantMismatch."""
     outputs = _called(plant, "simulate", run)
     if not isinstance(outputs, Mapping):
         raise _broken(plant, "simulate", run, "gives no mapping", type(outputs).__name__)
@@ -64,7 +63,7 @@ def _called(plant: PlantModel, member: str, run: GapRun, *arguments: Any) -> Any
 
 
 def _other_than(column: Any, n: int, kinds: str) -> str:
-    """What is given in place of an array of shape (n,) of some kinds of numbers; empty if not."""
+    """What a column is if no array (n,) of one of the dtype `kinds`; else empty."""
     if not isinstance(column, np.ndarray):
         return f"a {type(column).__name__}"
     wrong = column.shape != (n,) or column.dtype.kind not in kinds

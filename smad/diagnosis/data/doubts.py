@@ -1,9 +1,9 @@
 """Columns that look misread: in another unit, of the other sign, or with their names exchanged.
 
-For each signal the nominal model predicts how far it swings and where it lies. A bench and its
-model differ in both by tens of percent; a unit, a sign or an exchanged cable by far more. A
-misreading is doubted if undoing it brings a signal that is far off to where the model has it. The
-model is in question itself, so that this refuses nothing: it is said in the verdict.
+The nominal model predicts swing and level of each signal. A bench and its model differ in both by
+tens of percent; a wrong unit, sign or cable makes far larger differences. A misreading is reported
+if undoing it brings a signal from far off to near its prediction. The model itself is in question,
+so this refuses no run.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from smad.records.units import convert
 from smad.units import units_for
 
 _SWING, _LEVEL = 0.3, 0.05
-"""Usual difference of bench and model: of the logarithm of a swing; of a level, in its range."""
+"""Usual difference of bench and model: in the logarithm of a swing; in a level over its range."""
 _RELATED = 0.5
 """Correlation with the prediction from which on a swing can be compared."""
 _SIGMAS = 2.0
@@ -32,11 +32,11 @@ _SIGMAS = 2.0
 _SURE = 20.0
 """Quanta that a size has at least, for its level to be compared."""
 _MOST_PAIRS = 6
-"""Of inputs, that are tried as exchanged."""
+"""Most pairs of inputs that are tried as exchanged."""
 _HALF = 0.5
-"""Of what all readings are off by, that may be left where several change together."""
+"""Largest share of the total misfit that may remain where several columns change together."""
 _FAR, _NEAR, _WORST = 9.0, 4.0, 25.0
-"""Squares of such differences: far off, as the model has it, and the most that a signal counts."""
+"""Squares of such differences: far off, near the prediction, and the most that a signal counts."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +76,10 @@ def _off(
     predicted: Mapping[str, Array],
     column: Array | None = None,
 ) -> float:
-    """How far a reading is from its prediction in swing and level, in squares of what is usual.
+    """Squared distance of a reading from its prediction in swing and level, over the usual ones.
 
-    `column` is in its place, without a misreading. Range and quantum may be those of the record, so
-    that they become smaller with it.
+    `column` replaces the reading. The channel's range and quantum may follow from the record; they
+    shrink with it.
     """
     recorded, m = run.outputs[channel.name][run.good], predicted[channel.name][run.good]
     y = recorded if column is None else column[run.good]
@@ -101,7 +101,7 @@ def _off(
 
 
 def _surroundings(plant: PlantModel, channel: Channel) -> tuple[float, float] | None:
-    """Level of a reading that a replay takes over, as its parameter has it, and what is usual."""
+    """Expected level of an environment's channel by its parameter, and the usual difference."""
     measures = traits_of(plant).environment
     q = next((q for q in plant.parameters if measures.get(q.name) == channel.name), None)
     if q is None or q.unit not in UNITS or q.unit not in units_for(channel.unit):
@@ -115,7 +115,7 @@ def _size(column: Array) -> float:
 
 
 def _replayed_off(plant: PlantModel, run: GapRun, misreading: Misreading) -> dict[str, float]:
-    """How far each reading is off without a misreading; where the model stops, the most."""
+    """Distance of each reading without a misreading; `_WORST` where the model fails."""
     columns = misreading.columns
     inputs = {n: c for n, c in columns.items() if n in run.inputs}
     outputs = {n: c for n, c in columns.items() if n in run.outputs}
@@ -130,14 +130,14 @@ def _replayed_off(plant: PlantModel, run: GapRun, misreading: Misreading) -> dic
 
 
 def _of_reading(channel: Channel, run: GapRun) -> list[Misreading]:
-    """How a reading may have been misread by itself, where its prediction stays as it is."""
+    """Possible misreadings of one reading, under which its prediction stays the same."""
     column = {channel.name: run.outputs[channel.name]}
     return [*_in_other_units(column, channel.unit), _reversed(column)]
 
 
 def _of_several(plant: PlantModel, run: GapRun) -> list[Misreading]:
-    """What changes predictions, too: inputs, and readings that a replay begins from or all of a
-    unit."""
+    """Possible misreadings that change predictions: of inputs, and of readings that a replay starts
+    from or that share a unit."""
     begins = set(traits_of(plant).environment.values())
     moved = [s for s in plant.inputs if np.ptp(run.inputs[s.name]) > 0.0]
     ranges = {s.name: Declared(name=s.name, unit=s.unit, low=s.low, high=s.high) for s in moved}
@@ -146,7 +146,7 @@ def _of_several(plant: PlantModel, run: GapRun) -> list[Misreading]:
         for group in (names, *([n] for n in names if names[1:])):
             columns = {n: run.inputs[n] for n in group}
             out += [*_in_other_units(columns, unit), _reversed(columns)]
-    # A larger input may stop or overflow a model, beyond what it can be.
+    # Inputs beyond their range may make a model fail.
     out = [m for m in out if not any(ranges[n].beyond(c).any() for n, c in m.columns.items())]
     pairs = [pair for names in _by_unit(moved).values() for pair in combinations(names, 2)]
     out += [_exchanged([pair], run) for pair in pairs[:_MOST_PAIRS]]
@@ -187,7 +187,7 @@ def _exchanged(pairs: Sequence[tuple[str, str]], run: GapRun) -> Misreading:
 
 
 def _words(misreadings: Sequence[Misreading], mended: Sequence[str]) -> str:
-    """What is said of misreadings without any of which some readings are as predicted."""
+    """The question about misreadings, each of which would bring some readings near the model."""
     first = misreadings[0]
     names, words = list(first.columns), " or ".join(m.words for m in misreadings)
     return (

@@ -1,4 +1,4 @@
-"""The analysis grid: how long a row should be, rows of means, and what a quick replay takes."""
+"""The analysis grid: the length of a row, means over rows, and runs thinned for fast replays."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from smad.diagnosis.runs import GapRun, bridged
 PERIOD_S = 0.2
 """Length of a row of the spring pair."""
 MOST_ROWS = 6000
-"""Of all runs together: what is kept of every law's response for each is a gigabyte at most."""
+"""Most rows of all runs: the responses to all laws then take at most a gigabyte."""
 _NEARLY = 0.01
 _AMPLE = 1.25
 LEAST_PERIODS = 40
-"""A run must be as many rows long."""
+"""Fewest rows of a run."""
 _ROWS = 10
-"""Rows that the usual channel's correlation time has at least."""
+"""Rows in the correlation time of the usual channel."""
 _FEWEST = 3
-"""Samples that a mean is worth while over; a row of fewer is one sample."""
+"""Fewest samples worth a mean; else a row is one sample."""
 _STEADY = 0.5
 _EDGE = 0.05
-"""Of an input's range, that it steps by where a piece ends."""
+"""Step of an input, as a share of its range, at which a piece ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Grid:
         )
 
     def majority(self, mask: Mask) -> Mask:
-        """True where at least half of the samples of a bin are."""
+        """True for bins in which at least half of the samples are True."""
         size = np.add.reduceat(np.ones(len(mask)), self.starts)
         out: Mask = np.add.reduceat(mask.astype(np.float64), self.starts) >= 0.5 * size
         return out
@@ -63,9 +63,9 @@ class Grid:
 def thinned(run: GapRun, step_s: float, inputs: Sequence[Signal]) -> GapRun:
     """The run with its samples averaged over pieces of `step_s`, cut where an input steps.
 
-    A sample lies at the end of the time it stands for, so that what was applied during that time is
-    in force up to it. An input whose square acts (`Signal.power`) is averaged as it acts. A run
-    that is sampled no finer than that is returned as it is.
+    A sample lies at the end of its interval, and its inputs act up to it. An input whose square
+    acts (`Signal.power`) is averaged accordingly. A run with samples as long as a piece is
+    unchanged.
     """
     if run.dt_s > 0.7 * step_s or len(run.t_s) < 2:
         return run
@@ -97,53 +97,51 @@ def thinned(run: GapRun, step_s: float, inputs: Sequence[Signal]) -> GapRun:
 
 
 def row_length_s(runs: Sequence[GapRun], plant: PlantModel) -> float:
-    """Length of a row that suits these records, in whole samples.
+    """Length of a row for these runs, in whole samples.
 
-    A 10th of the usual correlation time of what is measured; so short that the shortest run has a
-    quarter more rows than it must, so long that all runs together have at most `MOST_ROWS`. Runs
-    shorter than the plant's shortest have no say beside others. Without a channel that moves, or
-    without a run, it is that of the spring pair.
+    It is a tenth of the usual correlation time; short enough for the shortest run to have a quarter
+    more rows than it must, and long enough for all runs to have at most `MOST_ROWS`. Runs that are
+    too short for the plant do not count beside others. It is that of the spring pair without a run,
+    or without a channel that moves.
     """
     if not runs:
         return PERIOD_S
     least_s = traits_of(plant).shortest_s
     runs = [run for run in runs if run.duration_s + run.dt_s >= least_s] or runs
-    usual = correlation_time_s(runs, plant)
+    usual = usual_correlation_time_s(runs, plant)
     lengths_s = [run.duration_s for run in runs]
     short_s = min(lengths_s) / (_AMPLE * LEAST_PERIODS)
     wanted_s = min(PERIOD_S if usual is None else usual / _ROWS, short_s)
     wanted_s = max(wanted_s, sum(lengths_s) / MOST_ROWS)
     sample_s = float(np.median([r.dt_s for r in runs]))
-    # Of less than three samples a mean is not worth while, unless memory asks for it.
+    # A mean over fewer than three samples is not worth while, unless memory demands it.
     few = wanted_s <= _FEWEST * sample_s and sum(lengths_s) <= MOST_ROWS * sample_s
     return sample_s if few else sample_s * max(float(np.ceil(wanted_s / sample_s - _NEARLY)), 1.0)
 
 
-def correlation_time_s(runs: Sequence[GapRun], plant: PlantModel) -> float | None:
+def usual_correlation_time_s(runs: Sequence[GapRun], plant: PlantModel) -> float | None:
     """Median over the channels of the time in which their autocorrelation falls to 1/e.
 
     Of each channel the median over the runs; None where no run has a channel that moves.
     """
     by_channel = []
     for channel in plant.channels:
-        times = [
-            t for r in runs if channel.name in r.outputs if (t := _time_s(r, channel.name)) > 0.0
-        ]
-        if times:
-            by_channel.append(float(np.median(times)))
+        times = [_correlation_s(r, channel.name) for r in runs if channel.name in r.outputs]
+        if moving := [t for t in times if t > 0.0]:
+            by_channel.append(float(np.median(moving)))
     return float(np.median(by_channel)) if by_channel else None
 
 
-def _time_s(run: GapRun, channel: str) -> float:
+def _correlation_s(run: GapRun, channel: str) -> float:
     """Correlation time of one channel of one run; 0 where it does not move, or only as noise."""
     if len(run.t_s) < 8 or not np.isfinite(run.outputs[channel]).any():
         return 0.0
     y: Array = bridged(np.asarray(run.outputs[channel], dtype=np.float64))
     level = y - float(np.mean(y))
-    # Padded by as much as it is long, so that what is late does not meet what is early.
+    # Padded to twice the length, so that the end does not correlate with the beginning.
     power = np.abs(np.fft.rfft(level, 2 * len(y))) ** 2
     products = np.fft.irfft(power)[: len(y) // 2 + 1]
-    # What the first lag loses is noise, which says nothing of how fast the bench is.
+    # The drop to the first lag is noise, and does not count.
     if products[1] <= _STEADY * products[0]:
         return 0.0
     below = np.flatnonzero(products[1:] < products[1] / np.e)

@@ -1,7 +1,7 @@
-"""What would make a verdict false: the same recording twice, too few runs, or runs that go further.
+"""What would make a verdict false: a recording given twice, too few runs, runs that go further.
 
-A recording is known by what it holds, not by its name or file: a copy that was renamed, or written
-by another exporter with other rounding, is the same one.
+A recording is recognised by its samples, not by its name: a renamed copy, or one with other
+rounding, is the same.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ FURTHER = "further than good"
 """Kind of the finding that runs in question go where no known-good run was."""
 _ROUNDING = 1e-5
 _FURTHER_SHARE = 0.5
-"""Of the range of known-good runs, by which others must go beyond it to be said to."""
+"""Share of the range of known-good runs that others must exceed it by."""
 _MOVING_SHARE = 0.03
-"""Of a channel's range, that this must be at least, or it is the room that drifts."""
+"""Least excess as a share of the channel's range: less may be a drift of the room."""
 _WHY_NOT = {
     (FIT, FIT): "it would only count twice",
     (HOLD_OUT, HOLD_OUT): "it would only count twice",
@@ -37,7 +37,7 @@ def without_repeats(
 ) -> tuple[dict[str, list[GapRun]], dict[str, list[Finding]]]:
     """The groups (fit, hold-out, good) with each recording once, in the first that has it.
 
-    The second says of each group what was left out; each of it is a refused run.
+    Also returns the findings on the runs left out of each group, which are refused.
     """
     once: dict[str, list[GapRun]] = {role: [] for role in groups}
     findings: dict[str, list[Finding]] = {role: [] for role in groups}
@@ -82,7 +82,7 @@ def _alike(a: Array, b: Array) -> bool:
 
 
 def too_few(groups: Mapping[str, Sequence[GapRun]]) -> list[Finding]:
-    """What fewer runs than a diagnosis needs cost it, by group; the groups are admitted runs."""
+    """Findings on groups of admitted runs that are too few for a reliable verdict."""
     texts = []
     if len(groups[FIT]) == 1 and not groups[HOLD_OUT]:
         texts.append(
@@ -100,9 +100,9 @@ def too_few(groups: Mapping[str, Sequence[GapRun]]) -> list[Finding]:
 def goes_further(
     runs: Sequence[GapRun], good: Sequence[GapRun], plant: PlantModel
 ) -> list[Finding]:
-    """A sentence on `runs` in question that drive the bench beyond where known-good ones do.
+    """A finding if `runs` in question drive the bench further than known-good ones do.
 
-    By what the nominal model makes of their inputs, so that no effect counts as excitation.
+    The nominal predictions are compared, so that no effect counts as excitation.
     """
     in_question = _ranges(runs, plant)
     channels = {c.name: c for c in plant.channels}

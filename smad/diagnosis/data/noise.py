@@ -1,7 +1,7 @@
 """The noise floor of each channel: from rest segments, from differences, and from the quantum.
 
-It is estimated from what was measured, and from what the simulator leaves of that. Whatever of the
-motion stays in either adds to the noise, so the less of both counts.
+It is estimated from the measurement and from the simulator's residual. Motion that remains in
+either adds to the estimate, so the smaller of both counts.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from smad.diagnosis.runs import GapRun
 
 _MIN_REST_ROWS = 30
 _MIN_REST_RUN = 12
-_RESOLUTION = 0.001
-"""Share of a channel's excursion below which no simulator is trusted."""
+RESOLUTION = 0.001
+"""Resolution that no simulator is trusted below, as a share of a channel's excursion."""
 _OUTLIER = 4.0
 """Standard deviations beyond which a row at rest is no noise."""
 _BANDS = 8
@@ -38,9 +38,9 @@ def _detrended(y: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Course:
-    """Rows of one channel in one run, (rows,), where they count, and where the bench rests.
+    """Rows of one channel in one run, (rows,), their validity, and where the bench rests.
 
-    `unexplained` is what the simulator leaves of `measured`; the same where it gives no numbers.
+    `unexplained` is `measured` less the simulation, or `measured` where that is not finite.
     """
 
     measured: Array
@@ -50,7 +50,7 @@ class _Course:
 
     @classmethod
     def of(cls, run: GapRun, grid: Grid, rest: Mask, y: Array, simulated: Array) -> _Course:
-        """The course of samples `y`, (n,), where the simulator shows others and the bench rests."""
+        """The course of samples `y` with `simulated` ones and the mask `rest`, (n,) each."""
         measured, left = grid.mean(y), y - simulated
         finite = np.isfinite(left[run.good]).all()
         return cls(
@@ -62,9 +62,9 @@ class _Course:
 
 
 def _scale(values: Array) -> float:
-    """Standard deviation of values but for outliers: a lost contact or a late edge is not noise.
+    """Standard deviation without outliers: a lost contact or a late edge is not noise.
 
-    Outliers are told by the median, whose own estimate would be a third off for a hundred rows.
+    The median of |values| serves to find outliers only: as an estimate it is too uncertain.
     """
     middle = float(np.median(np.abs(values))) / 0.6745
     inliers = values[np.abs(values) <= _OUTLIER * middle]
@@ -96,10 +96,10 @@ def _sigma(values: Sequence[Array], courses: Sequence[_Course]) -> float:
 
 
 def _difference_sigma(courses: Sequence[Array]) -> float:
-    """Noise of one channel where nothing rests: what is left of it that no motion explains."""
-    sigma, (quiet, bins) = _third_differences(courses), _quietest_band(courses)
-    # What moves within a few rows is no smooth course. Noise is at most what the spectrum has
-    # where it has least; that this is less by chance is left out by four standard errors.
+    """Noise of one channel without rest: the smaller estimate of differences and spectrum."""
+    sigma, (quiet, bins) = third_difference_sd(courses), _quietest_band(courses)
+    # Motion within a few rows raises third differences. The quietest band of the spectrum bounds
+    # the noise; it counts if it is lower by more than four standard errors.
     return quiet if quiet * np.sqrt(1.0 + 4.0 / np.sqrt(bins)) < sigma else sigma
 
 
@@ -120,20 +120,23 @@ def _quietest_band(courses: Sequence[Array]) -> tuple[float, float]:
     return float(np.sqrt(means[least])), float(bins[least])
 
 
-def _third_differences(courses: Sequence[Array]) -> float:
-    # Third differences remove any smooth course; their variance is 20 σ². The lower quartile of
-    # |d| keeps the edges of the excitation out.
-    joined = np.abs(np.concatenate([np.zeros(0), *(np.diff(y, 3) for y in courses)]))
-    return float(np.quantile(joined, 0.25) / 0.3186 / np.sqrt(20.0)) if len(joined) else 0.0
+def third_difference_sd(courses: Sequence[Array]) -> float:
+    """Standard deviation of the white noise in evenly sampled courses, (n,) each; 0 of none.
+
+    Third differences remove any smooth course; their variance is 20 σ². The lower quartile of their
+    sizes keeps the edges of the excitation out. NaN does not count.
+    """
+    sizes = np.abs(np.concatenate([np.zeros(0), *(np.diff(y, 3) for y in courses)]))
+    sizes = sizes[np.isfinite(sizes)]
+    return float(np.quantile(sizes, 0.25) / 0.3186 / np.sqrt(20.0)) if len(sizes) else 0.0
 
 
 def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Array:
-    """Return what a residual of each channel is measured by, in its unit; (channels,).
-
-    The noise of one row of `period_s`, and the resolution that no simulator is trusted below, in
-    quadrature.
-    """
-    resolution = [_RESOLUTION * _excursion(runs, c.name) for c in plant.channels]
+    """Floors of channels in their units, (channels,): noise and resolution in quadrature."""
+    resolution = [
+        RESOLUTION * excursion([r.outputs[c.name][r.good] for r in runs if c.name in r.outputs])
+        for c in plant.channels
+    ]
     return np.asarray(np.hypot(row_noise(runs, plant, period_s), resolution))
 
 
@@ -166,11 +169,7 @@ def row_noise(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Arr
     return noise
 
 
-def _excursion(runs: Sequence[GapRun], name: str) -> float:
-    """Median over runs of the range that a channel goes through, less its extreme percents."""
-    having = [r for r in runs if name in r.outputs]
-    if not having:
-        return 0.0
-    return float(
-        np.median([np.ptp(np.quantile(r.outputs[name][r.good], (0.01, 0.99))) for r in having])
-    )
+def excursion(columns: Sequence[Array]) -> float:
+    """Median over a channel's columns, (n,) each, of the range between its extreme percents."""
+    ranges = [np.ptp(np.quantile(y, (0.01, 0.99))) for y in columns]
+    return float(np.median(ranges)) if ranges else 0.0

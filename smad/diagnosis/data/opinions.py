@@ -1,8 +1,8 @@
-"""What the nominal model says of a run: channels that cannot be used, cables that are swapped.
+"""Comparison of a run with the nominal model: unusable channels, swapped cables.
 
-These are opinions: they rest on a model that is in question. Only swapped cables refuse a run,
-where each of two channels follows the other's prediction; `--trust RUN` overrides that, and keeps
-channels that the model would leave out.
+The model itself is in question, so only swapped cables refuse a run, where each of two channels
+follows the other's prediction. `--trust RUN` overrides that, and keeps channels that would be left
+out.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from smad.diagnosis.data.columns import Say
+from smad.diagnosis.data.columns import Note
 from smad.diagnosis.data.grid import Grid
 from smad.diagnosis.plant import Array, Channel, PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.records.readings import STUCK_CHANCE, STUCK_SAMPLES, longest_same
 
 _SATURATED_SHARE = 0.2
-"""Of the samples, that may be at a channel's limit."""
+"""Largest share of samples at a channel's limit."""
 _CONSTANT_QUANTA = 1.5
-"""A channel that moves by fewer is dead."""
+"""A channel that moves by less is dead."""
 _HARDLY, _FOLLOWS = 0.3, 0.5
-"""Correlations of changes from row to row: hardly related, and clearly."""
+"""Correlations of changes from row to row: hardly related, clearly related."""
 
 
-def used(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, *, say: Say) -> GapRun:
-    """The run with the channels and samples that can be used; the others are said.
+def used(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, *, say: Note) -> GapRun:
+    """The run with usable channels and samples; each of the others is noted.
 
     Refuses a run that the model cannot replay, or in which nothing moves or is measured.
     """
@@ -51,12 +51,12 @@ def used(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, *, say:
         say("no channel", "no measured channel is left that can be judged", refuses=True)
         return run
     if all(np.ptp(run.inputs[s.name]) < 1e-3 * (s.high - s.low) for s in plant.inputs):
-        _say_undriven(run, predicted, plant, say)
+        _undriven(run, predicted, plant, say)
     return _without_stuck(run, predicted, plant, say)
 
 
-def _say_undriven(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, say: Say) -> None:
-    """Of a run whose inputs never change: a decay from a start that the model has, or nothing."""
+def _undriven(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, say: Note) -> None:
+    """Note or refuse a run with constant inputs: only a decay from its start is of use."""
 
     def moves(columns: Mapping[str, Array]) -> list[str]:
         return [
@@ -89,9 +89,9 @@ def least_move(channel: Channel) -> float:
 
 
 def _without_stuck(
-    run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, say: Say
+    run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, say: Note
 ) -> GapRun:
-    """The run with samples marked in which a noisy reading stays the same while it should move."""
+    """The run without the samples in which a noisy reading stays constant but should move."""
     valid = run.good.copy()
     for channel in plant.channels:
         if channel.name not in run.outputs or run.trusted:
@@ -149,9 +149,9 @@ def _misfit(measured: Array, predicted: Array) -> float:
 
 
 def compare(
-    run: GapRun, replayed: Mapping[str, Array], plant: PlantModel, period_s: float, *, say: Say
+    run: GapRun, replayed: Mapping[str, Array], plant: PlantModel, period_s: float, *, say: Note
 ) -> None:
-    """Say where the run looks as if it were not of these inputs, or of other cables."""
+    """Note swapped channels, and channels that do not follow the model with these inputs."""
     grid = Grid.of(run, period_s)
     predicted = {k: grid.mean(v)[grid.valid] for k, v in replayed.items()}
     measured = {k: grid.mean(np.nan_to_num(v))[grid.valid] for k, v in run.outputs.items()}

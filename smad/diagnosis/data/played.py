@@ -1,4 +1,4 @@
-"""What the model says of runs: predictions on the grid, and slopes of parameters."""
+"""Replays on the grid: predictions of runs, and their slopes by parameter."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _COARSE = 2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Bins:
-    """The samples `inside` of the grid, and how many readings each stands for, `size`.
+    """Samples `inside` the grid with the number of readings in each, `size`.
 
-    Those of each of the bins `filled` begin at `starts`; `count` (bins,) is what each bin has.
+    The samples of each bin in `filled` begin at `starts`; `count` (bins,) is the sum of sizes.
     """
 
     inside: slice
@@ -35,7 +35,7 @@ class _Bins:
 
 @dataclass(frozen=True)
 class Played:
-    """A run of the programme as the model replays it: its inputs and how many bins it has."""
+    """A run as the model replays it, thinned, with its bins on the grid."""
 
     run: GapRun
     inputs: tuple[Signal, ...]
@@ -46,7 +46,7 @@ class Played:
     @property
     def whole(self) -> GapRun:
         """The run as it was recorded."""
-        return self.run if self.run.whole is None else self.run.whole
+        return self.run.as_recorded
 
     @classmethod
     def of(
@@ -84,7 +84,7 @@ class Played:
     def on_grid(
         self, outputs: Mapping[str, Array], channels: Sequence[Channel], *, exact: bool = False
     ) -> Array:
-        """The same of a replay's channels, (bins, channels)."""
+        """Means of a replay's channels, (bins, channels)."""
         series = np.stack([outputs[c.name] for c in channels])
         return np.ascontiguousarray(self.means(series, exact=exact).T)
 
@@ -97,7 +97,6 @@ class Played:
         return self._bins_of(self.whole)
 
     def _bins_of(self, run: GapRun) -> _Bins:
-        # Time increases, and the bins with it.
         number = bin_numbers(run, self.start_s, self.period_s)
         inside = slice(*(int(k) for k in np.searchsorted(number, (0, self.bins))))
         number, size, readings = number[inside], run.pieces[inside], run.readings[inside]
@@ -110,10 +109,10 @@ class Played:
 
     @property
     def coarse(self) -> Played:
-        """The same replayed in fewer pieces, for what a small change makes of it.
+        """The run in two pieces a row, for small changes.
 
-        Two in place of five leave 2 % of such a change out (median over terms), at half the time.
-        A fit whose parameters move far needs five.
+        Two in place of five miss 2 % of a change (median over terms), at half the time. A fit whose
+        parameters move far needs five.
         """
         return replace(
             Played.of(self.whole, self.inputs, self.start_s, self.period_s, _COARSE), bins=self.bins
@@ -138,15 +137,12 @@ def predictions(
 
 
 def finite(values: Sequence[Array]) -> bool:
-    """Whether the model could simulate every run."""
+    """Whether all arrays are finite."""
     return all(bool(np.isfinite(v).all()) for v in values)
 
 
 def slopes(plant: PlantModel, point: ModelPoint, runs: Sequence[Played]) -> list[Array]:
-    """Change of each run for a prior standard deviation of each parameter.
-
-    One array a run, (parameters, bins, channels).
-    """
+    """Change of each run by a prior standard deviation of each parameter, (p, bins, channels)."""
     base = predictions(plant, point, runs)
     out = [np.zeros((len(plant.parameters), *b.shape)) for b in base]
     for i, q in enumerate(plant.parameters):

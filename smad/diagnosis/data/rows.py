@@ -1,8 +1,7 @@
 """Runs on a common grid: bins of the programme's clock, one column a channel.
 
-A row is the mean of the samples of one bin. One that lacks samples is compared only with a
-prediction of the samples that it has (`partly`): with an edge in it, the mean of others would be
-off by more than any floor.
+A row is the mean of the samples of one bin. A row with lost samples counts only where it is
+compared with a prediction of the same samples (`partly`).
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ _SAME_INPUT = 0.02
 _OTHER_INPUT = 0.25
 _NEARLY = 0.1
 MOSTLY = 0.8
-"""Of its samples, that a row must have: with fewer its noise is more than 12 % larger."""
+"""Least share of its samples: with fewer the noise of a row is more than 12 % larger."""
 LOST = 1.5
-"""Usual steps of a time, from which on samples between are lost."""
+"""Step, in usual steps of a time, above which samples are lost."""
 
 
 @dataclass(frozen=True)
@@ -59,10 +58,10 @@ def edges_s(run: GapRun) -> Array:
 
 
 def offset_s(run: GapRun, reference: GapRun) -> float:
-    """What must be taken off the times of `run` for its inputs to step when the reference's do.
+    """Clock offset of `run` against the reference, by the steps of their inputs.
 
-    The median over the reference's steps, each matched with the nearest of the run once the first
-    ones lie on each other.
+    The median over the reference's steps, each matched with the nearest of the run after the first
+    steps are aligned.
     """
     edges, reference_edges = edges_s(run), edges_s(reference)
     if not len(edges) or not len(reference_edges):
@@ -73,29 +72,29 @@ def offset_s(run: GapRun, reference: GapRun) -> float:
     off = np.stack([edges[left] - reference_edges, edges[right] - reference_edges]) - first
     nearest = np.where(np.abs(off[0]) < np.abs(off[1]), off[0], off[1])
     close = nearest[np.abs(nearest) < PERIOD_S]
-    # The start of a run tells its clock; a clock that runs fast is a finding, not an offset.
+    # Only the start counts: a clock that runs fast is a finding, not an offset.
     head = close[: max(8, len(close) // 4)]
     return float(first + (np.median(head) if len(head) else 0.0))
 
 
 def bin_numbers(run: GapRun, start_s: float, period_s: float) -> Index:
-    """Bin of each sample, told by the middle of the interval that it ends."""
+    """Bin of each sample, by the middle of the interval that it ends, (n,)."""
     middle = run.t_s - 0.5 * run.dt_s - start_s
     return np.asarray(np.floor(middle / period_s + 1e-9), dtype=np.intp)
 
 
 def _whole_bin(dt_s: float, period_s: float) -> float:
-    """How many samples a bin has that lacks none."""
+    """Samples of a complete bin."""
     usual = max(period_s / max(dt_s, 1e-9), 1.0)
     near = round(usual)
     return float(near if abs(usual - near) < _NEARLY else np.floor(usual))
 
 
 def steps_in_gaps(run: GapRun, inputs: Sequence[Signal]) -> dict[str, tuple[Index, Index]]:
-    """Each input that steps while samples are lost, by more than a twentieth of its range.
+    """Inputs that step by more than a twentieth of their range while samples are lost.
 
-    With the last sample before each such gap and the first after it, (k,) each: when it steps there
-    is not known. What changes as it does beside the gap is no step.
+    By name the last sample before each such gap and the first after it, (k,) each. A change at the
+    rate beside the gap is no step.
     """
     index = np.flatnonzero(run.good)
     gaps = np.flatnonzero(np.diff(run.t_s[index]) > LOST * run.dt_s)
@@ -176,10 +175,10 @@ def without_other_end(now: Binned, reference: Binned) -> Binned:
 
 
 def same_inputs(now: Binned, reference: Binned) -> bool:
-    """Whether nothing has to be carried over: inputs equal within 2 % but for single bins.
+    """Whether inputs are equal within 2 % but for single bins, in which an edge may be shifted.
 
-    Those are edges that fall a little elsewhere within their bin. What differs where the reference
-    has no edge, as a supply that was cut off for a sample, makes inputs of its own.
+    A difference where the reference has no edge, such as a supply cut for a sample, is another
+    input.
     """
     off = input_difference(now, reference).max(axis=1)
     other = off > _SAME_INPUT

@@ -1,1 +1,1 @@
-"""One linear-Gaussian kit for parameters, places, laws, series and effects."""
+"""Numerical methods: bounded steps, forward selection, lags, white rows, threads."""

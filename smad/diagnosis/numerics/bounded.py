@@ -7,7 +7,7 @@ import numpy as np
 from smad.diagnosis.plant import Array
 
 RIDGE = 1e-9
-"""Share of its diagonal that keeps a matrix invertible; far below what data tell."""
+"""Share of its diagonal that keeps a matrix invertible; far below the information in data."""
 _TINY = 1e-12
 """The same for a coordinate that changes nothing, whose diagonal is 0."""
 
@@ -15,8 +15,8 @@ _TINY = 1e-12
 def bounded_step(A: Array, g: Array, low: Array, high: Array, damping: float = 0.0) -> Array:
     """The step s (k,) that minimises ½ sᵀ(A + damping·diag A)s − gᵀs, with low ≤ s ≤ high.
 
-    By active sets: coordinates that would leave their range are put to its end, and the others
-    solved anew beside them. Every round fixes one more, so there are at most k.
+    Active sets: coordinates that would leave their range are fixed at its end and the others solved
+    again. Every round fixes at least one, so there are at most k.
     """
     damped = A + np.diag((damping + RIDGE) * np.diag(A) + _TINY)
     step, free = np.zeros(len(g)), np.ones(len(g), dtype=bool)

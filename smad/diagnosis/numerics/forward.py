@@ -1,12 +1,11 @@
-"""Forward selection of few responses, judged on folds that had no part in it.
+"""Forward selection of a few responses by cross-validation.
 
-A law that can be read has few terms, and in most cases the first one is the state that matters.
 Orthogonal matching pursuit (Pati, Rezaiifar and Krishnaprasad 1993) adds, one after the other, the
-group of responses that takes most of what is left. It is carried out anew without each fold, and
-what the coefficients take of that fold is what counts.
+group of responses that explains most of the residual. It is repeated without each fold, and judged
+by what the coefficients explain of that fold.
 
 Rows r (n,) are explained by responses A (k, n) with coefficients x (k,): r ≈ Aᵀx. Every estimate
-and what it takes of held-out rows follow from AAᵀ and Ar of each fold.
+and its gain on held-out rows follow from AAᵀ and Ar of each fold.
 """
 
 from __future__ import annotations
@@ -20,9 +19,9 @@ from smad.diagnosis.plant import Array, Index, Singles
 _RIDGE = 1e-6
 """Of a response's own square: keeps nearly equal responses apart."""
 _SPENT = 1e-4
-"""A response of which this share or less is new is not asked any more."""
+"""A response is skipped if only this share of its square is independent of those selected."""
 _LITTLE = 0.03
-"""A group more must take more than this share of what is taken."""
+"""Least gain of a further group as a share of the whole gain."""
 _TINY = 1e-12
 
 
@@ -63,9 +62,9 @@ class FoldRows:
 class Forward:
     """What was selected.
 
-    `taken` (depth + 1, f) is what each fold's sum of squares loses to the responses that are always
-    in and the first 0, 1, 2 … groups, chosen and fitted without that fold (negative where it
-    grows). `chosen` are the groups selected with all folds: as few as take nearly the most.
+    `taken` (depth + 1, f) is the reduction of each fold's sum of squares by the first 0, 1, 2 …
+    groups (and the responses that are always in), chosen and fitted without that fold. `chosen` are
+    the groups selected with all folds: the fewest that explain nearly the most.
     """
 
     taken: Array
@@ -73,7 +72,7 @@ class Forward:
 
     @property
     def best(self) -> float:
-        """What the best number of groups takes of all held-out folds, in squares of rows."""
+        """The largest reduction over all held-out folds, in squares of rows."""
         return float(self.taken.sum(axis=1).max())
 
 
@@ -82,9 +81,9 @@ def forward(
 ) -> Forward:
     """Select up to `depth` of the groups (m, w), rows of numbers of responses.
 
-    What a group takes counts times its `worth` (m,), so that of two that take the same the simpler
-    one enters. The first `before` responses are always in. Of the groups that are chosen, the one
-    without which most would be lost comes first. Raises ValueError for fewer than two folds.
+    The gain of a group is multiplied by its `worth` (m,), so that of two equal ones the simpler
+    enters. The first `before` responses are always in. Chosen groups are ordered by the loss
+    without each, the largest first. Raises ValueError for fewer than two folds.
     """
     folds = len(products.gram)
     if folds < 2:
@@ -132,7 +131,7 @@ def _solve(G: Array, b: Array, columns: Index) -> Array:
 def _select(
     G: Array, b: Array, candidates: tuple[Index, Array], depth: int, start: Index
 ) -> list[int]:
-    """The groups in the order in which they take most of what is left."""
+    """Groups in the order of selection, each with the largest gain on the residual."""
     groups, worth = candidates
     size = np.diag(G) + _TINY
     left, r = _without(G, b, start, size) if len(start) else (G, b)
@@ -155,7 +154,7 @@ def _select(
 
 
 def _without(G: Array, b: Array, columns: Index, size: Array) -> tuple[Array, Array]:
-    """The products of what these responses leave of all others."""
+    """The products after these responses are projected out of all others."""
     inner = G[np.ix_(columns, columns)] + np.diag(_RIDGE * size[columns])
     across = np.linalg.solve(inner, G[columns])
     return G - G[:, columns] @ across, b - across.T @ b[columns]

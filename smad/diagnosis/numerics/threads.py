@@ -1,7 +1,7 @@
-"""Sums that come out the same whatever the program around a diagnosis has set; work in threads.
+"""BLAS with one thread, so that sums are repeatable; work in threads.
 
-How many threads a BLAS uses decides in which order it adds, and so the last digits of a verdict.
-Its threads also wait for each other on a loaded machine: the same work took ten times as long.
+The number of BLAS threads decides the order of additions, and so the last digits of a verdict. On a
+loaded machine its threads also wait for each other: the same work took ten times as long.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 def repeatable(work: Callable[P, R]) -> Callable[P, R]:
-    """`work` with a BLAS of one thread, whatever the caller has; theirs comes back afterwards."""
+    """`work` with BLAS limited to one thread; the caller's setting is restored afterwards."""
 
     @wraps(work)
     def alone(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -30,7 +30,7 @@ def repeatable(work: Callable[P, R]) -> Callable[P, R]:
 
 
 def each(work: Callable[[T], R], items: Iterable[T], together: int) -> list[R]:
-    """`work` of each item, in their order; so many `together`, in threads."""
+    """Results of `work` for each item, in their order, with `together` threads."""
     if together < 2:
         return [work(item) for item in items]
     with ThreadPoolExecutor(together) as pool:

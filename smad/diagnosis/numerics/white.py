@@ -1,8 +1,7 @@
-"""White space: rows in which a bench without a change shows independent numbers of variance 1.
+"""White rows: on a bench without a change they are independent, with variance 1.
 
-A difference is divided by the repeat floor of its output and regime, what one bin tells of the next
-is taken off (AR(1), a factor for each output), and directions in which one day differs from another
-are shrunk by their spread. Missing rows are 0 in everything.
+A difference is divided by the floor of its channel and regime, whitened by AR(1) with a factor for
+each channel, and shrunk along the directions in which days differ. Missing rows are 0.
 """
 
 from __future__ import annotations
@@ -40,10 +39,10 @@ class Shrink:
 
 
 def with_day_form(sd: Array, day: Array, day_sd: Array) -> Array:
-    """Standard deviations with what is not known of the form of a day: a share of its directions.
+    """Standard deviations with the form error of the day directions, a share of them, added.
 
-    The model's slope of, say, the film is not the bench's. Where a day shows much, it is trusted
-    less to be taken off.
+    The model's slope of, say, the film is not the bench's, so large day effects cannot be removed
+    exactly.
     """
     moved = np.tensordot(day_sd**2, day**2, axes=1)
     return np.asarray(np.sqrt(sd**2 + _DAY_FORM**2 * moved))
@@ -63,7 +62,7 @@ def lag_one_correlation(rows: Iterable[Array], most: float) -> Array:
 
 @dataclass(frozen=True)
 class RunRows:
-    """What white space needs of one run of a programme.
+    """What whitening needs of one run.
 
     `sd` (bins, channels) of one difference, `valid` likewise, `day` (directions, bins, channels)
     with their coefficients' standard deviations in `day_sd`; `rho` is one number a channel.
@@ -90,9 +89,9 @@ class RunRows:
         )
 
     def independent(self, values: Array) -> Array:
-        """Scaled, freed of what a bin tells of the next: (m, bins, channels) to (m, rows).
+        """Values (m, bins, channels) scaled and whitened by AR(1), as rows (m, rows).
 
-        That is AR(1); the first of a stretch of valid ones stays as it is.
+        The first bin of a valid stretch is scaled only.
         """
         scaled = np.where(self.valid, values / self.sd, 0.0)
         out = scaled.copy()
@@ -102,10 +101,10 @@ class RunRows:
 
     @cached_property
     def days(self) -> Array:
-        """The day directions at one standard deviation, freed of correlation."""
+        """The day directions at one standard deviation, as white rows."""
         return np.asarray(self.independent(self.day) * self.day_sd[:, None])
 
     @cached_property
     def shrink(self) -> Shrink:
-        """Takes off what the day directions explain."""
+        """Shrinks rows along the day directions."""
         return Shrink(self.days)

@@ -1,1 +1,1 @@
-"""The paired residual: equal inputs on two days, repeat floor, white rows."""
+"""Runs with equal inputs on two days: their difference, and the floor of repeats."""

@@ -23,24 +23,25 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, Mask, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
-from smad.diagnosis.rivals.evidence import Evidence, Trial, wandering
+from smad.diagnosis.rivals.evidence import Evidence, Trial, drift_directions
 from smad.diagnosis.rivals.rival import Question, day_variance, question_of
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say
 
 _LEAST_ROWS = 50
-"""Readings of all pairs: less is five rows of the spring pair's ten channels."""
+"""Fewest readings of all pairs: five rows of the spring pair's ten channels."""
 
 Known = TypeVar("Known", Responses, Changes)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """A run of now beside the good run that it repeats, `then`. `share` of that was recorded;
-    `carried` says that inputs differed and the model carried the difference over. In its `trial`
-    the model replays the surroundings of now with the inputs of then, or with the run's own where
-    they were carried; it should show what the model of the good runs shows there, and what the
-    bench has changed by."""
+    """A run of now and the good run that it repeats, `then`, of which it has the `share` recorded.
+
+    `carried`: the inputs differed, and the model carried the difference over. The `trial` replays
+    the inputs of then (its own where carried) in the surroundings of now; its target is that
+    prediction plus the change of the bench. `around` are these surroundings by channel.
+    """
 
     now: str
     then: GoodRun
@@ -51,8 +52,8 @@ class Pair:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Paired:
-    """Pairs beside the good runs."""
+class PairedRuns:
+    """Pairs with the good runs that they are of."""
 
     plant: PlacesPlant
     good: GoodRuns
@@ -61,17 +62,17 @@ class Paired:
     def evidence(self) -> Evidence:
         """The pairs as rows."""
         trials = tuple(p.trial for p in self.pairs)
-        return Evidence(trials=trials, least=0.0 if self.good.floor.degrees else 1.0)
+        return Evidence(trials=trials, least_square=0.0 if self.good.floor.degrees else 1.0)
 
     def repeated(self, known: Known | None) -> Known | None:
-        """What is known of the good runs, of the pairs; None where a run has other inputs."""
+        """Responses or changes of the good runs for these pairs; None if inputs were carried."""
         if known is None or any(p.carried for p in self.pairs):
             return None
         of_run = {r.name: x for r, x in zip(self.good.runs, known.runs, strict=True)}
         return replace(known, runs=tuple(of_run[p.then.name] for p in self.pairs))
 
 
-def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]]) -> Paired:
+def pair_runs(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]]) -> PairedRuns:
     """Pairs of `runs`, each with the name of the good run that it repeats.
 
     Raises PairingError for inputs that differ too much and when too little is left to judge.
@@ -86,14 +87,13 @@ def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]
             limit=_LEAST_ROWS,
             action="play the runs again to their end",
         )
-    return Paired(plant=plant, good=good, pairs=pairs)
+    return PairedRuns(plant=plant, good=good, pairs=pairs)
 
 
-def question_of_pairs(pairs: Paired, effects: Sequence[Effect], say: Say) -> Question:
-    """What is new in pairs: the parameters are where the good runs have them, give or take a day.
+def question_of_pairs(pairs: PairedRuns, effects: Sequence[Effect], say: Say) -> Question:
+    """What is new in pairs, with the parameters tied to the good runs within a day's variation.
 
-    Responses and changes that are known of the good runs count for those that repeat them, though
-    they are in the surroundings of then.
+    Responses and changes of the good runs are used again, though the surroundings differ.
     """
     plant, good = pairs.plant, pairs.good
     covariance = np.diag(day_variance(plant)) + good.parameter_covariance(plant)
@@ -119,17 +119,17 @@ def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pai
     again = _again(then, run, other, around, start)
     (predicted,) = predictions(plant, good.point, [again], exact=True)
     moved = np.where(np.isfinite(predicted) & now.covered[:, None], predicted - then.base, 0.0)
-    # In the surroundings of now, since what has changed may act otherwise there.
+    # In the surroundings of now, since a change may act differently there.
     target = predicted + (now.values - then.mean) - moved
     valid = now.valid & then.valid & now.covered[:, None]
     rows = rows_of(plant, good, then, valid, moved)
     if not good.floor.degrees:
-        # Nothing has shown how much a room wanders from one time to another.
-        wanders = wandering(plant, good.point, again)
+        # Without repeats nothing has shown how far the room drifts.
+        has_drifts = drift_directions(plant, good.point, again)
         rows = replace(
             rows,
-            day=np.concatenate([rows.day, wanders]),
-            day_sd=np.concatenate([rows.day_sd, np.ones(len(wanders))]),
+            day=np.concatenate([rows.day, has_drifts]),
+            day_sd=np.concatenate([rows.day_sd, np.ones(len(has_drifts))]),
         )
     return Pair(
         now=run.name,
@@ -142,7 +142,7 @@ def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pai
 
 
 def rows_of(plant: PlantModel, good: GoodRuns, then: GoodRun, valid: Mask, moved: Array) -> RunRows:
-    """White space of one more recording of a run, `valid` where it has readings.
+    """Whitening of one more recording of a run, `valid` where it has readings.
 
     `moved` (bins, channels) is what the model carried over.
     """
@@ -160,7 +160,7 @@ def rows_of(plant: PlantModel, good: GoodRuns, then: GoodRun, valid: Mask, moved
 def _again(
     then: GoodRun, run: GapRun, other: bool, around: Mapping[str, float], start_s: float
 ) -> Played:
-    """The good run in other surroundings, with the inputs of `run` where it has others."""
+    """The good run in the surroundings `around`, with the inputs of `run` if they differ."""
     source = run if other else then.played.whole
     levels = {c: np.full(len(source.t_s), around.get(c, value)) for c, value in then.around.items()}
     again = GapRun(run.name, source.t_s, source.inputs, levels)

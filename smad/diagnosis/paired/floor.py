@@ -1,8 +1,8 @@
-"""The repeat floor: how much equal inputs on a good bench differ from one time to another.
+"""The repeat floor: how far recordings of equal inputs on a good bench differ.
 
-Repeats are compared with their mean. What a few day directions explain is counted as their spread;
-of the rest a standard deviation is taken for each output and regime, and a correlation from bin to
-bin for each output. A regime with few rows leans on its output's other regimes.
+Repeats are compared with their mean. Day directions explain a part, whose spread is estimated. The
+rest gives a standard deviation for each channel and regime, and a correlation from bin to bin for
+each channel. A regime with few rows is shrunk towards the channel's mean over regimes.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ _MOST_RHO = 0.95
 _LEAST_SHARE = 0.25
 _PSEUDO = 4.0
 _PRIOR_DEGREES, _FEWEST_DEGREES = 1.0, 2
-"""Degrees of freedom of a variance before any repeat, and the fewest that repeats count as: with
-one, the t distribution has no variance."""
+"""Prior degrees of freedom of a variance, and the fewest of repeats: with one in all, the t
+distribution has no variance."""
 _GAUGE_ROWS = 50.0
 _MOST_GAUGE = 2.0
-"""So far may repeats raise the floor; what differs more shows as a gap."""
+"""Largest factor by which repeats raise the floor; larger differences show as a gap."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class Deviation:
 class Floor:
     """Standard deviations (channels, regimes), correlation (channels,), day spread (directions,).
 
-    `degrees` is how many independent repeats it rests on, over all runs. `gauge` (channels,) is
-    what white rows of the repeats themselves showed, by which standard deviations are corrected.
+    `degrees` is the number of independent repeats over all runs. `gauge` (channels,) is the RMS of
+    the repeats' own white rows, by which standard deviations are corrected.
     """
 
     sd: Array
@@ -62,7 +62,7 @@ class Floor:
 
 
 def _of_regime(sd: Array, regime: Array) -> Array:
-    """Of standard deviations (channels, regimes) those of each bin, (bins, channels)."""
+    """Standard deviations (channels, regimes) by the regime of each bin, (bins, channels)."""
     return np.asarray(sd[np.arange(len(sd)), regime])
 
 
@@ -99,7 +99,7 @@ def repeat_floor(
         scaled = (np.where(d.valid, d.values / _of_regime(sd, d.regime), 0.0) for d in rests)
         rho = lag_one_correlation(scaled, _MOST_RHO)
         day_sd = np.sqrt((squares + _PSEUDO * usual_day**2) / (len(repeats) + _PSEUDO))
-    # A variance of few degrees of freedom is often too small: that of a t distribution.
+    # Few degrees of freedom: the variance of the t distribution is larger.
     known = max(degrees, _FEWEST_DEGREES) + _PRIOR_DEGREES
     few = np.sqrt(known / (known - 2.0))
     gauge = few * _gauge(repeats, sd, rho, day_sd)

@@ -1,4 +1,4 @@
-"""What good recordings of the same inputs are worth: their mean, and what they differ in."""
+"""Good recordings of the same inputs: their mean, and how they differ."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_po
 from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, Trial
 from smad.diagnosis.rivals.fit import fit_from_several, reference_at
-from smad.diagnosis.rivals.rival import free_model, temper_of, tempered
+from smad.diagnosis.rivals.rival import free_model, tempered_constants, with_tempered_prior
 from smad.diagnosis.runs import GapRun, bridged
 
 _CLOCK_SD_S = 0.004
 _CARRIED_SD = 0.4
-"""Share by which what the model carries over is off, until good runs show it: as much as the form
-of a day direction is (`numerics.white`)."""
+"""Relative error of a difference that the model carries over, before good runs measure it: that of
+a day direction (`numerics.white`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GoodRun:
-    """A run of which there are good recordings: their mean, carried to their mean surroundings.
+    """The mean of good recordings of a run, carried to their mean surroundings `around`.
 
-    `inputs` is that of the longest repeat, `around` what the environment's channels showed at the
-    start, `count` how many repeats each bin rests on (0: none has a reading).
+    `inputs` are those of the longest repeat, `count` is the number of repeats in each bin (0: none
+    has a reading), `base` and `slopes` are the model's prediction and its derivatives.
     """
 
     name: str
@@ -52,10 +52,10 @@ class GoodRun:
 
 @dataclass(frozen=True, kw_only=True)
 class GoodRuns:
-    """Good runs beside the model at a point, and their repeat floor.
+    """Good runs, the model point fitted to them, and their repeat floor.
 
-    `repeats` is how many recordings the run has that has fewest. `responses` are those of laws, and
-    `changes` those of effects, of each run, where they are known.
+    `repeats` is the fewest recordings of a run. `responses` to laws and `changes` by effects are
+    given once they are computed.
     """
 
     runs: tuple[GoodRun, ...]
@@ -66,9 +66,9 @@ class GoodRuns:
     changes: Changes | None = None
 
     def parameter_covariance(self, plant: PlantModel) -> Array:
-        """How well the good runs say where the parameters are, (p, p), in prior deviations.
+        """Covariance (p, p) of the parameters by the good runs, in prior deviations.
 
-        What the model leaves of them counts as noise.
+        The residual of the model counts as noise.
         """
         runs = self.runs
         off = [np.where(r.valid, r.mean - r.base, 0.0) for r in runs]
@@ -90,7 +90,7 @@ def least_sd(plant: PlantModel) -> Array:
 def carried(
     plant: PlantModel, J: Array, now: Mapping[str, float], then: Mapping[str, float]
 ) -> Array:
-    """What the model says of the surroundings' difference; shape (bins, channels)."""
+    """The model's change for a difference of surroundings, (bins, channels)."""
     out = np.zeros(J.shape[1:])
     for i, q in enumerate(plant.parameters):
         channel = traits_of(plant).environment.get(q.name)
@@ -102,21 +102,22 @@ def carried(
 def day_directions(
     plant: PlantModel, J: Array, base: Array, moved: Array, period_s: float
 ) -> Array:
-    """What one day differs from another by, (directions, bins, channels): slopes of the day's
-    parameters, a shift of the run's clock by a second, and `moved`, what the model carried over."""
+    """Directions in which days differ, (directions, bins, channels): slopes of the day's
+    parameters, a clock shift by a second, and the carried difference `moved`.
+    """
     index = {q.name: i for i, q in enumerate(plant.parameters)}
     clock = np.gradient(base, period_s, axis=0)
     return np.concatenate([J[[index[n] for n in traits_of(plant).day]], clock[None], moved[None]])
 
 
 def usual_day(plant: PlantModel) -> Array:
-    """Spread of each day direction before any repeat, (directions,): in prior deviations, in s,
-    and as a share of what the model carried over."""
+    """Prior spread of each day direction, (directions,): in prior deviations, in s, and as a share
+    of the carried difference."""
     return np.array([*traits_of(plant).day.values(), _CLOCK_SD_S, _CARRIED_SD])
 
 
 def _regime_numbers(plant: PlantModel, run: GapRun, played: Played) -> tuple[Array, int]:
-    """Regime of each bin for each channel, the first that holds, (bins, channels); their count."""
+    """Number of the first regime that holds, (bins, channels), and the count of regimes."""
     bins, count = played.bins, 1
     bin_of_row = np.clip(bin_numbers(run, played.start_s, played.period_s), 0, bins - 1)
     size = np.maximum(np.bincount(bin_of_row, minlength=bins), 1)
@@ -134,7 +135,7 @@ def _regime_numbers(plant: PlantModel, run: GapRun, played: Played) -> tuple[Arr
 def good_runs(
     plant: PlacesPlant, groups: Sequence[Sequence[GapRun]], period_s: float = PERIOD_S
 ) -> GoodRuns:
-    """What good runs are worth, the recordings of each in a group, in rows of `period_s`.
+    """Good runs from groups of recordings of the same inputs, in rows of `period_s`.
 
     Raises PairingError when the recordings of a group do not have the same inputs.
     """
@@ -154,7 +155,7 @@ def good_runs(
         regime, names = _regime_numbers(plant, r.longest, r.played)
         regimes = max(regimes, names)
         single = np.sqrt(count / np.maximum(count - 1, 1))
-        # The deviation of a reading that stands alone from the mean is an interpolated one.
+        # Where a single repeat has a reading, its deviation is interpolated and says nothing.
         several = r.valid.sum(axis=0) > 1
         if len(values) > 1:
             deviations += [
@@ -197,15 +198,15 @@ def good_runs(
 
 
 def _fitted_point(plant: PlacesPlant, repeated: Sequence[_Repeats]) -> ModelPoint:
-    """The parameters that leave least of the means of good runs, fitted as those of any rival."""
+    """The parameters fitted to the means of good runs, as those of any rival."""
     least = least_sd(plant)
     trials = []
     for r in repeated:
         mean, count = mean_of(r.values, r.valid)
         trials.append(Trial(played=r.played, target=mean, rows=RunRows.of(least, count > 0)))
     evidence = Evidence(trials=tuple(trials))
-    temper = temper_of(shipped(), free=True, channels=evidence.recorded)
-    model = tempered(free_model(plant, nominal_point(plant)), evidence, temper)
+    constants = tempered_constants(shipped(), free=True, channels=evidence.recorded)
+    model = with_tempered_prior(free_model(plant, nominal_point(plant)), evidence, constants)
     nominal = reference_at(evidence, model, np.zeros(model.parameters))
     fitted = nominal and fit_from_several(evidence, nominal)
     return fitted.point if fitted else model.start
@@ -230,12 +231,11 @@ class _Repeats:
 
 
 def mean_of(values: Array, valid: Mask) -> tuple[Array, Array]:
-    """Mean of repeats (repeats, bins, channels) where `valid`, and of how many, (bins, channels).
+    """Mean of repeats (repeats, bins, channels) where `valid`, and their number, (bins, channels).
 
-    Repeats drift apart slowly, so that a mean of those with a reading would jump where one has
-    none. There each of the others is corrected by its own deviation from the mean of all,
-    interpolated over the gap. A repeat counts from its first reading to its last, the mean where
-    any repeat has a reading.
+    Repeats drift apart, so a mean of those with a reading would jump where one has none. There the
+    others are corrected by their deviation from the mean of all, interpolated over the gap. A
+    repeat counts from its first reading to its last.
     """
     readings = valid.sum(axis=0)
     divisor = np.maximum(readings, 1)
@@ -258,7 +258,7 @@ def _interpolated(values: Array, known: Mask) -> Array:
 
 
 def _longest(group: Sequence[GapRun]) -> GapRun:
-    """The first repeat that is as long as the longest, to a row: others may end at a hole."""
+    """The first repeat within a row of the longest duration: others may end at a hole."""
     longest_s = max(run.duration_s for run in group)
     return next(run for run in group if run.duration_s > longest_s - PERIOD_S)
 

@@ -13,11 +13,11 @@ from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
 
 _LIKE = 0.05
-"""Of what an input moves, that two runs may differ by on average."""
+"""Mean difference of two runs with the same inputs, as a share of an input's travel."""
 _LEAST_MOVE = 0.1
-"""Of an input's range, that counts as what it moves at least: less may be noise."""
+"""Least travel of an input, as a share of its range: less may be noise."""
 _LEAST_SHARE = 0.05
-"""Of a run, that the other must have recorded as well: of less their inputs say nothing."""
+"""Least share of a run that both must have recorded."""
 
 Run = TypeVar("Run")
 
@@ -41,12 +41,12 @@ def same_programme(
         return False
     moves = np.maximum(*(np.ptp(b.inputs[both], axis=0) for b in (first, second)))
     off = input_difference(second, first)[both] / np.maximum(moves, _LEAST_MOVE)
-    # Inputs that stay where they are tell no programme from another.
+    # Constant inputs do not identify a programme.
     return bool((stepped or moves.max() > _LEAST_MOVE) and off.max(axis=1).mean() < _LIKE)
 
 
 def grouped(runs: Sequence[Run], same: Callable[[Run, Run], bool]) -> list[list[Run]]:
-    """The runs, those together that are the `same` as the first of their group."""
+    """The runs in groups, each `same` as the first of its group."""
     groups: list[list[Run]] = []
     for run in runs:
         group = next((g for g in groups if same(run, g[0])), None)

@@ -1,19 +1,19 @@
-"""What a reader must know of the runs that were compared with good ones."""
+"""Notes on a comparison with good runs: what was compared, and what weakens it."""
 
 from __future__ import annotations
 
-from smad.diagnosis.paired.difference import Paired
+from smad.diagnosis.paired.difference import PairedRuns
 from smad.diagnosis.paired.good import GoodRun
 
 
-def compared(paired: Paired) -> str:
+def compared(paired: PairedRuns) -> str:
     """Which runs were compared with which good ones."""
     then = {p.now: _recordings(p.then) for p in paired.pairs}
     named = ", ".join(f"{now} with {good}" for now, good in then.items())
     return f"runs of the same inputs were compared: {named}"
 
 
-def notes_of(paired: Paired) -> list[str]:
+def notes_of(paired: PairedRuns) -> list[str]:
     """Facts that weaken the comparison, a sentence each."""
     out = []
     if not paired.good.floor.degrees:
@@ -46,8 +46,8 @@ def _recordings(then: GoodRun) -> str:
     return f"{then.name} and {more} more" if more > 0 else then.name
 
 
-def _lost(paired: Paired) -> str:
-    """Channels of which now most readings are missing that the good runs have, with the runs."""
+def _lost(paired: PairedRuns) -> str:
+    """Channels that lack most of the readings that the good runs have, with the runs."""
     runs: dict[str, list[str]] = {}
     for p in paired.pairs:
         had, has = p.then.valid.sum(axis=0), p.trial.rows.valid.sum(axis=0)

@@ -1,1 +1,1 @@
-"""What the model's outputs show of each candidate law: one response for each term of a place."""
+"""Places where a model can be wrong, and responses of its readings to laws there."""

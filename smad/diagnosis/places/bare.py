@@ -1,7 +1,7 @@
-"""Places of a plant that offers none: its readings, and its inputs.
+"""Places of a plant that offers none: its readings and its inputs.
 
-A law at a reading adds to what the channel shows, one at an input to what the plant is given. Both
-go with what any plant has: its inputs, what it predicts to be measured, rates of that, and time.
+A law at a reading adds to a channel, one at an input to what the plant is given. Its states are
+those of any plant: inputs, predicted channels, their rates, and time.
 """
 
 from __future__ import annotations
@@ -21,44 +21,44 @@ from smad.diagnosis.runs import GapRun
 
 READING, INPUT = "reading_", "input_"
 _PASSES = 4
-"""Replays in which laws of inputs and the states that they go with are made to agree, at most."""
+"""Most replays of the fixed-point iteration between laws of inputs and their states."""
 _AGREED = 1e-3
-"""Of a law's size, to which it agrees with the states that it goes with."""
+"""Relative residual at which that iteration has converged."""
 
 
 def with_places(plant: PlantModel) -> PlacesPlant:
-    """The plant itself where it can be forced, else a plant that is the same with bare places."""
+    """The plant itself if it can be forced, else the plant in `BarePlaces`."""
     return plant if isinstance(plant, Forceable) else BarePlaces(plant)
 
 
 def unwrapped(plant: PlantModel) -> PlantModel:
     """The plant inside `BarePlaces`, or the plant itself.
 
-    What it offers beside is asked of it: from Python 3.12 on `isinstance` sees no method that
-    `__getattr__` finds.
+    Optional protocols are looked up on it: from Python 3.12 on `isinstance` does not see methods
+    that `__getattr__` finds.
     """
     return plant.plain if isinstance(plant, BarePlaces) else plant
 
 
 @runtime_checkable
 class InWindows(Protocol):
-    """A plant that is replayed in windows, each from its readings."""
+    """A plant that is replayed in windows, each of which starts from the readings."""
 
     def seams(self, run: GapRun) -> Sequence[int]:
         """The samples of a run, thinned or not, at which a window begins; 0 is the first."""
         ...
 
     def begun_otherwise(self, point: ModelPoint, run: GapRun) -> Iterable[dict[str, Array]]:
-        """What is shown where one reading or rate, from which one window begins, is off by what it
-        may well be off by: of each in turn."""
+        """Replays in which one reading or rate that a window starts from is off by a standard
+        deviation, one for each of these in turn."""
         ...
 
 
 class BarePlaces:
     """A `PlantModel` with its readings and inputs as places; everything else is the plant's own.
 
-    Laws of a model point act in `simulate`: those of inputs on states of the replay before, which
-    is repeated until they agree.
+    Laws of a model point act in `simulate`. Laws of inputs depend on the states that they change,
+    so the replay is repeated until both agree.
     """
 
     def __init__(self, plant: PlantModel) -> None:
@@ -124,7 +124,7 @@ class BarePlaces:
         return out
 
     def begun_otherwise(self, point: ModelPoint, run: GapRun) -> Iterable[dict[str, Array]]:
-        """See `InWindows`; nothing of a plant that is not replayed in windows."""
+        """See `InWindows`; empty for a plant that is not replayed in windows."""
         return self.plain.begun_otherwise(point, run) if isinstance(self.plain, InWindows) else ()
 
     def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
@@ -152,10 +152,10 @@ class BarePlaces:
         *,
         fast: bool,
     ) -> dict[str, Array]:
-        """The replay in which laws of inputs agree best with the states that they go with.
+        """The replay in which laws of inputs agree best with the states that they depend on.
 
-        A law over what it moves itself, such as a drag, need not converge by repetition: the next
-        series is that of Anderson, of which the last few residuals leave least.
+        Plain repetition need not converge for a law of a state that it changes itself, such as a
+        drag: the iteration is Anderson's.
         """
         names = sorted({law.place.removeprefix(INPUT) for law in laws})
 
@@ -166,7 +166,7 @@ class BarePlaces:
                 more[name] = more[name] + _value(law, states, run)
             return np.concatenate([more[n] for n in names])
 
-        # What was measured is nearest to a right law; with nothing added is known already.
+        # The measured states are the best start for a right law.
         pushed = series(_measured(run, out))
         first = series(out)
         images, residuals = [first], [first]
@@ -210,8 +210,8 @@ class BarePlaces:
 
 
 def _mixed(images: Sequence[Array], residuals: Sequence[Array]) -> Array:
-    """The next series of Anderson's mixing (1965): of the images of those tried, with weights that
-    add up to 1, the one whose residual is least."""
+    """The next series by Anderson's mixing (1965): the combination of images, with weights that sum
+    to 1, whose residual is least."""
     steps = np.array([residuals[-1] - r for r in residuals[:-1]])
     if not len(steps):
         return images[-1]
@@ -221,20 +221,20 @@ def _mixed(images: Sequence[Array], residuals: Sequence[Array]) -> Array:
 
 
 def _measured(run: GapRun, replay: Mapping[str, Array]) -> dict[str, Array]:
-    """What was measured of each channel; where it was not, what is predicted."""
+    """The measured channels; predicted where one was not measured throughout."""
     return {
         n: y if np.isfinite(y := run.outputs.get(n, replay[n])).all() else replay[n] for n in replay
     }
 
 
 def _value(law: Law, states: Mapping[str, Array], run: GapRun) -> Array:
-    """Values of a law on a trajectory."""
+    """Values of a law on a trajectory, (n,)."""
     X = basis(states, law.terms, run.t_s)
     return np.asarray(X @ np.array([t.coefficient for t in law.terms]))
 
 
 def _pushed(run: GapRun, more: Mapping[str, Array]) -> GapRun:
-    """The run with something added to its inputs."""
+    """The run with series (n,) added to its inputs."""
     if not more:
         return run
     return run.with_columns(inputs={n: np.asarray(run.inputs[n]) + x for n, x in more.items()})

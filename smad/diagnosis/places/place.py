@@ -1,6 +1,6 @@
 """Where a plant's model can be wrong: its places, and replays that are forced there.
 
-Optional for a plant. One that offers none has its readings and its inputs as places all the same
+Optional for a plant: one without places gets its readings and inputs as places
 (`smad.diagnosis.places.bare`).
 """
 
@@ -24,7 +24,7 @@ class Place:
 
     unit: of the forcing. scale: a typical size in it. sides: single ones that can be forced.
     states: those that a law here may depend on. reading: the forcing adds to one channel and
-    nothing else, so that a single replay tells the response to any of it.
+    nothing else, so that one replay gives the response to any forcing.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Place:
 
 @runtime_checkable
 class Forceable(Protocol):
-    """What a plant has beside, if its model can be forced."""
+    """What a plant offers if its model can be forced."""
 
     @property
     def places(self) -> Sequence[Place]: ...
@@ -73,5 +73,17 @@ class PlacesPlant(PlantModel, Forceable, Protocol):
 
 
 def single_sides(place: Place, side: str) -> tuple[str, ...]:
-    """The sides that can be forced which a side stands for: both of two is each of them."""
+    """The sides that can be forced: `side` itself, or every side of the place for "both"."""
     return (side,) if side in place.sides else place.sides
+
+
+def place_named(plant: Forceable, name: str) -> Place:
+    """The place of that name. Raises StopIteration where the plant has none."""
+    return next(p for p in plant.places if p.name == name)
+
+
+def states_seen(
+    plant: Forceable, place: str, side: str, states: Mapping[str, Array]
+) -> dict[str, Array]:
+    """States of a trajectory, (n,) each, as the place sees them on the first side of `side`."""
+    return plant.seen(place, single_sides(place_named(plant, place), side)[0], states)

@@ -1,8 +1,8 @@
-"""Responses: what a plant's readings show of each term of the law space at each place.
+"""Responses of a plant's readings to each term of a law at each place.
 
-Computed once at a reference point. A term's forcing is its function of the *reference* trajectory's
-states, so that responses are linear in a law's coefficients. At a reading the forcing adds to one
-channel, and one replay tells how; every other place costs a replay a term.
+They are computed once at a reference point. A term is evaluated on the *reference* trajectory, so
+that responses are linear in a law's coefficients. At a reading the forcing adds to one channel, and
+one replay gives the response to all terms; elsewhere each term costs a replay.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sim_device.plant.errors import PlantError
 from smad.diagnosis.data.played import Played, finite
 from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.places.bare import BarePlaces
-from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, single_sides
+from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, single_sides, states_seen
 from smad.diagnosis.plant import Array, Index, ModelPoint, Singles, traits_of
 from smad.progress import Say, silent
 
@@ -28,10 +28,9 @@ from smad.progress import Say, silent
 class Candidate:
     """A hypothesis of where: a place, a side, and the terms that a law may have there.
 
-    `groups` (m, w) are the numbers of a term's responses, one for each spring that it acts on. The
-    first is the constant, which is in every law: the lines of the others have their zero in the
-    middle of the state's range. `orders` (m,) are theirs: 1 for a line, more for what is less
-    simple.
+    `groups` (m, w) are the columns of each term's responses, one for each side that it acts on. The
+    first term is the constant, which is in every law: lines of the others are 0 in the middle of
+    the state's range. `orders` (m,) are 1 for a line and more for less simple terms.
     """
 
     place: str
@@ -42,10 +41,10 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True)
 class Responses:
-    """Responses of every term, a term at the place's scale.
+    """Responses to every term, each with a coefficient of one scale of its place.
 
-    `laws` have the candidate terms of each place and single side, `scales` what one of their
-    coefficients is in the unit of the place. `runs` has one array a run, (terms, bins, channels).
+    `laws` have the candidate terms of each place and single side, `scales` the scale of each place
+    in its unit. `runs` has one array (terms, bins, channels) for each run.
     """
 
     laws: tuple[Law, ...]
@@ -54,7 +53,7 @@ class Responses:
 
     @cached_property
     def columns(self) -> tuple[range, ...]:
-        """Where the terms of each law stand."""
+        """Columns of the terms of each law."""
         stops = accumulate(len(law.terms) for law in self.laws)
         return tuple(range(b - len(x.terms), b) for x, b in zip(self.laws, stops, strict=True))
 
@@ -70,11 +69,13 @@ class Responses:
 
     @cached_property
     def homes(self) -> tuple[tuple[Law, Term], ...]:
-        """The law and the term that each response is of."""
+        """Law and term of each column."""
         return tuple((law, term) for law in self.laws for term in law.terms)
 
     def coefficients(self, columns: Index) -> tuple[tuple[str, ...], Array]:
-        """Names of responses in a model file, and what 1 is in the place's unit."""
+        """Names of columns in a model file, and the unit of their coefficients in that of the
+        place.
+        """
         homes = [self.homes[c] for c in columns]
         names = tuple(law.name_of(term) for law, term in homes)
         return names, np.array([self.scales[law.place] for law, _ in homes])
@@ -104,10 +105,10 @@ def _candidate(side: str, laws: Sequence[tuple[Law, range]]) -> Candidate:
 def candidate_laws(
     plant: PlacesPlant, point: ModelPoint, runs: Sequence[Played]
 ) -> tuple[Law, ...]:
-    """Lines, signs and lags of every place over the runs' states.
+    """Laws of all places and sides with terms over the states of the runs: lines, signs, lags.
 
-    Bends and products would cost five times the replays: bends are asked of plants without places
-    of their own, which have few.
+    Bends and products would cost five times the replays. Bends are included for plants with bare
+    places, which are few.
     """
     states = [plant.trajectory(point, p.run, fast=True) for p in runs]
     bare = isinstance(plant, BarePlaces)
@@ -139,9 +140,7 @@ def _support(
 
 def law_values(plant: PlacesPlant, law: Law, states: Mapping[str, Array], t_s: Array) -> Array:
     """Basis functions of a law's terms on a trajectory, (n, k), as its first side sees it."""
-    place = next(p for p in plant.places if p.name == law.place)
-    (side, *_) = single_sides(place, law.side)
-    return basis(plant.seen(law.place, side, states), law.terms, t_s)
+    return basis(states_seen(plant, law.place, law.side, states), law.terms, t_s)
 
 
 def law_series(plant: PlacesPlant, law: Law, states: Mapping[str, Array], t_s: Array) -> Array:
@@ -159,7 +158,7 @@ def responses(
     space: tuple[Law, ...] | None = None,
     progress: Say = silent,
 ) -> Responses:
-    """Responses of all places at `point`. Terms that the model cannot replay have response 0.
+    """Responses of all places at `point`; 0 for a term with which the model fails.
 
     `space` are the laws whose terms these are, `singles` the arrays of an earlier call for the same
     runs, from which nothing is replayed. Raises ValueError where they do not fit.
@@ -179,7 +178,7 @@ def responses(
 def _replayed(
     plant: PlacesPlant, point: ModelPoint, played: Played, laws: Sequence[Law]
 ) -> Singles:
-    """Those of all terms of all laws in one run, (terms, bins, channels)."""
+    """Responses to all terms of all laws in one run, (terms, bins, channels)."""
     run, places = played.run, {place.name: place for place in plant.places}
     states = plant.trajectory(point, run, fast=True)
 
@@ -205,7 +204,7 @@ def _replayed(
         forcing = place.scale * (X if at_once else np.concatenate([X[:1], X[:-1]]))
         span = slice(first, first := first + len(law.terms))
         if place.reading:
-            # By what a constant of 1 does there.
+            # The response to a constant of 1 there.
             share = np.median(readings({key: np.ones(len(forcing))}) - base, axis=0)
             out[span] = played.means(forcing.T)[:, :, None] * share
         else:

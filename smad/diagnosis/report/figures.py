@@ -10,14 +10,14 @@ import numpy as np
 
 from sim_device.plant import Law
 from smad.diagnosis.answer import Answer
-from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides
+from smad.diagnosis.places.place import BOTH, PlacesPlant, states_seen
 from smad.diagnosis.places.responses import law_series
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.rivals.evidence import with_drifts
 from smad.diagnosis.rivals.fit import replayed
 from smad.diagnosis.rivals.parts import LawPart
-from smad.diagnosis.rivals.rival import put_together
-from smad.diagnosis.rivals.search import Searched
+from smad.diagnosis.rivals.rival import stitched
+from smad.diagnosis.rivals.search import Search
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import PAIRED, Cause, labelled
 from smad.report.page import Picture
@@ -37,11 +37,9 @@ _MORE_SIGNALS = 5
 class Course:
     """The judged run with the largest gap; `measured`, `before` and `after` are (bins, channels).
 
-    `before` is the simulator as configured, `after` with what is told, fitted without the run (None
-    where that is nothing). As they are judged, both have what wanders in the run where anything
-    does; `wanders` says so.
-    `floors` (bins, channels) in channel units. `order` are channels, those first that are furthest
-    off; `labels` what their axes show.
+    `before` is the simulator as configured, `after` with the causes, fitted without the run (None
+    without a fit). Both include the fitted drifts of the run, if it `has_drifts`. `floors` are
+    (bins, channels) in channel units, `order` the channels by gap, `labels` those of their axes.
     """
 
     run: str
@@ -53,10 +51,10 @@ class Course:
     order: tuple[int, ...]
     labels: tuple[str, ...]
     paired: bool
-    wanders: bool
+    has_drifts: bool
 
     @classmethod
-    def of(cls, answer: Answer, search: Searched) -> Course | None:
+    def of(cls, answer: Answer, search: Search) -> Course | None:
         """The course of an answer; None where the simulator cannot run."""
         question, squares = search.question, search.configured.squares
         counts = np.maximum(question.judged.counts, 1.0)
@@ -73,7 +71,7 @@ class Course:
         if predicted is not None:
             judged = question.judged
             judged_as = [replace(p, values=with_drifts(judged, p.values)) for p in predicted]
-            after = put_together(judged, judged_as)[k]
+            after = stitched(judged, judged_as)[k]
         measured = np.where(trial.rows.valid, trial.target, np.nan)
         if paired:
             measured, before = measured - before, np.zeros_like(before)
@@ -90,14 +88,14 @@ class Course:
             order=tuple(int(c) for c in ranked if trial.rows.valid[:, c].any()),
             labels=tuple(labelled(c.words or c.name, c.unit) for c in channels),
             paired=paired,
-            wanders=run.wanders,
+            has_drifts=run.has_drifts,
         )
 
     @property
     def drifts(self) -> str:
         """What a caption says of predictions that have what wanders."""
         words = " Slow drifts and offsets that were fitted in the run are in the predictions."
-        return words * self.wanders
+        return words * self.has_drifts
 
     def curves(self, c: int) -> list[tuple[Array, str, str, str, float]]:
         """The curves of a channel: values, label, colour, style and width."""
@@ -248,11 +246,9 @@ def _points(
     plant: PlacesPlant, point: ModelPoint, runs: Sequence[GapRun], law: Law, state: str
 ) -> tuple[Array, Array]:
     """Values of a state and of the law over all runs."""
-    place = next(p for p in plant.places if p.name == law.place)
-    (side, *_) = single_sides(place, law.side)
     xs, ys = [], []
     for run in runs:
         states = plant.trajectory(point, run, fast=True)
-        xs.append(plant.seen(law.place, side, states)[state])
+        xs.append(states_seen(plant, law.place, law.side, states)[state])
         ys.append(law_series(plant, law, states, run.t_s))
     return np.concatenate(xs), np.concatenate(ys)

@@ -15,6 +15,7 @@ from pathlib import Path
 from smad.counted import counted, listed
 from smad.diagnosis.plant import Effect
 from smad.diagnosis.verdict import (
+    AT_FLOOR,
     CAUSES,
     CHECK_UP,
     COLUMN_DOUBTED,
@@ -48,8 +49,6 @@ _RIVALS = 5
 _NO_BETTER = 0.99
 _NAMES = 4
 _LIKELY = 0.05
-_AT_FLOOR = 1.3
-"""Floors are known to a third: a signal below shows nothing."""
 
 
 def lines(verdict: Verdict) -> list[str]:
@@ -210,7 +209,7 @@ def budget_lines(rows: Sequence[SignalGap], gaps_of: str) -> list[str]:
     *signals, whole = rows
     stages = budget_stages(gaps_of, [])
     stages += ["with cause" + "s"[: len(whole.causes) > 1]][: len(whole.causes)]
-    above_floor = [s for s in signals if max(s.raw, s.parameters, s.final) > _AT_FLOOR * s.floor]
+    above_floor = [s for s in signals if max(s.raw, s.parameters, s.final) > AT_FLOOR * s.floor]
     out = [f"  {'RMS of ' + gaps_of:<29}" + "".join(f" {x:>11}" for x in (*stages, "floor"))]
     for s in (*above_floor, whole):
         numbers = (*(s.raw, s.parameters, s.final)[: len(stages)], s.floor)

@@ -1,6 +1,6 @@
-"""Changes: what each effect of the library changes of runs, by a replay of each strength and sign.
+"""Changes: how each effect of the library changes the readings, by replays at a few strengths.
 
-Made once, at a reference point; those of a baseline are kept with it.
+They are computed once at a reference point; those of a baseline are stored with it.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from smad.diagnosis.plant import Array, Effect, EffectParameter, ModelPoint, Pla
 from smad.diagnosis.rivals.evidence import Evidence
 
 _LEVELS = (0.3, 1.0)
-"""Of the typical strength, that an effect is asked at."""
+"""Shares of the typical strength at which an effect is replayed."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Change:
-    """What an effect changes with these values, as rows (n,)."""
+    """The change of the readings by an effect with these values, as rows (n,)."""
 
     effect: Effect
     values: dict[str, float]
@@ -28,7 +28,7 @@ class Change:
 
     @property
     def typical(self) -> EffectParameter | None:
-        """The strength that is at its typical value, where everything else is usual; else None."""
+        """The one strength that acts if it and all shapes are at typical values, else None."""
         acting = [q for q in self.effect.parameters if q.strength and self.values[q.name] != 0.0]
         usual = all(
             self.values[q.name] == q.typical for q in self.effect.parameters if not q.strength
@@ -39,16 +39,14 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Changes:
-    """What the `effects` change: one array a run, (values asked, bins, channels).
-
-    The values of one effect follow those of the one before.
-    """
+    """The changes by `effects`: one array (values, bins, channels) for each run, in the order of
+    `values_asked`."""
 
     effects: tuple[Effect, ...]
     runs: tuple[Singles, ...]
 
     def rows(self, evidence: Evidence, effects: Sequence[Effect]) -> tuple[Change, ...]:
-        """Those of some effects as rows of evidence of the same runs."""
+        """The changes by some effects as rows of evidence of the same runs."""
         names, asked = {effect.name for effect in effects}, values_asked(self.effects)
         kept = [k for k, (effect, _) in enumerate(asked) if effect.name in names]
         rows = evidence.rows([run[kept].astype(np.float64) for run in self.runs]).astype(np.float32)
@@ -57,14 +55,14 @@ class Changes:
 
 
 def values_asked(effects: Sequence[Effect]) -> tuple[tuple[Effect, dict[str, float]], ...]:
-    """The values that effects are asked at; those without parameters are not asked."""
+    """The values at which each effect is replayed; none for an effect without parameters."""
     return tuple((e, values) for e in effects if e.parameters for values in _values(e))
 
 
 def changes_at(
     plant: PlantModel, point: ModelPoint, runs: Sequence[Played], effects: Sequence[Effect]
 ) -> Changes:
-    """What effects change at `point`, by coarse replays; 0 where the model cannot run."""
+    """Changes by effects at `point`, from coarse replays; 0 where the model fails."""
     coarse = [run.coarse for run in runs]
     base = predictions(plant, point, coarse)
     effect_values = values_asked(effects)
@@ -79,11 +77,10 @@ def changes_at(
 
 
 def _values(effect: Effect) -> list[dict[str, float]]:
-    """Values that an effect is asked at: each strength alone, at two levels and either sign.
+    """Values at which an effect is replayed: each strength alone, at two levels and either sign.
 
-    At its typical strength each shape is asked at the ends of its range, too: an effect of one
-    spring alone is often hidden where both are asked. An effect that has no strength is there or
-    not.
+    At the typical strength each shape is also replayed at the ends of its range: an effect on one
+    spring alone may not show in a replay of both. An effect without a strength is replayed on.
     """
     rest = {q.name: 0.0 if q.strength else q.typical for q in effect.parameters}
     shapes = [q for q in effect.parameters if not q.strength]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sim_device.plant import Term
-from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides
+from smad.diagnosis.places.place import BOTH, PlacesPlant, place_named, states_seen
 from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.parts import EffectPart, LawPart, Part
 from smad.diagnosis.rivals.rival import Rival
@@ -15,7 +15,7 @@ from smad.diagnosis.rivals.score import EFFECT, LAW, PARAMETERS
 from smad.diagnosis.verdict import EffectValue, LawTerm
 
 _ALIKE = 0.95
-"""Squared correlation of two states from which on a law of one is as good with the other."""
+"""Squared correlation above which two states cannot be told apart."""
 
 
 def rival_words(plant: PlacesPlant, rival: Rival) -> str:
@@ -44,15 +44,14 @@ def where_words(plant: PlacesPlant, name: str, side: str) -> str:
     place = next((p for p in plant.places if p.name == name), None)
     if place is None:
         return name or "model"
-    # In brackets stands what a law is a share of.
+    # The brackets of a label say what a law is a share of.
     label = place.label.partition(" (")[0]
     return label if len(place.sides) < 2 or side == BOTH else f"{label}, {side.upper()}"
 
 
 def effect_values(part: EffectPart, x: Array, sd: Array) -> list[EffectValue]:
-    """An effect's parameters at coordinates `x` (k,) with deviations `sd` (k,).
-
-    Strengths come first, the one that acts most of all.
+    """An effect's parameters at coordinates `x` (k,) with deviations `sd` (k,), the largest
+    strength first and the shapes last.
     """
     rows = sorted(
         zip(part.effect.parameters, x, sd, strict=True),
@@ -72,9 +71,8 @@ def law_terms(
     trajectories: Sequence[Mapping[str, Array]],
 ) -> list[LawTerm]:
     """The terms of a law at coordinates `x` (k,) with deviations `sd` (k,)."""
-    place = next(p for p in plant.places if p.name == part.candidate.place)
-    side = single_sides(place, part.candidate.side)[0]
-    seen = [plant.seen(place.name, side, t) for t in trajectories]
+    place = place_named(plant, part.candidate.place)
+    seen = [states_seen(plant, place.name, part.candidate.side, t) for t in trajectories]
     out: dict[str, LawTerm] = {}
     for column, value, deviation in zip(part.columns, x, sd, strict=True):
         law, term = part.responses.homes[column]
@@ -97,7 +95,7 @@ def law_terms(
 def _alike_words(
     plant: PlacesPlant, place: str, state: str, seen: Sequence[Mapping[str, Array]]
 ) -> str:
-    """Which states the runs do not tell from one, in words; empty where there are none."""
+    """A sentence on the states that the runs do not tell from `state`; empty without any."""
     names = [plant.state_words(place, n)[0] for n in (state, *alike(state, seen)) if n]
     if len(names) < 2:
         return ""
@@ -123,7 +121,7 @@ def _read(plant: PlacesPlant, place: str, term: Term, unit: str) -> tuple[float,
 
 
 def alike(state: str, seen: Sequence[Mapping[str, Array]]) -> list[str]:
-    """States that change with `state` in all runs together, as far as these tell."""
+    """States whose squared correlation with `state` over all runs is above `_ALIKE`."""
     if not seen or state not in seen[0]:
         return []
     joined = {n: np.concatenate([of_run[n] for of_run in seen]) for n in seen[0]}

@@ -1,13 +1,13 @@
-"""Evidence: recorded runs as rows in floors, and the channel variances that a model leaves there.
+"""Evidence: recorded runs as rows in floors, and the variance of a model's residual by channel.
 
-A row is one channel of one bin, measured − predicted, in standard deviations of what a perfect
-model leaves (its floor), what neighbours tell of each other taken off. Directions in which one run
-differs from another by itself (a day, a room that wanders) are fitted to each run beside any model.
+A row is one channel of one bin, measured − predicted, divided by its floor (the standard deviation
+that a perfect model leaves) and whitened by AR(1). Drifts, directions in which runs differ whatever
+the model is (the day, the room), are fitted to each run beside every model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -18,70 +18,69 @@ from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.rows import binned, steps_in_gaps
 from smad.diagnosis.numerics.white import RunRows, Shrink, lag_one_correlation
 from smad.diagnosis.places.bare import BarePlaces
-from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.places.place import Forcing, PlacesPlant, place_named
 from smad.diagnosis.plant import Array, Index, ModelPoint, traits_of
 from smad.diagnosis.runs import GapRun
 
 CORRELATED = 16.0
-"""Rows that an error of the model's form is correlated over: as many count as one."""
+"""Rows over which a model error is correlated: so many count as one."""
 _MOST_CORRELATED = 0.98
 _DRIFT_ROUNDS = 4
-"""A drift of twice the usual size that shows as 34 floors is at 1.0 after two."""
+"""A drift of twice the usual size goes from 34 floors to 1.0 in two rounds."""
 _FOLDS = 4
 _TURNS = 2
 _FORM_SHARES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0)
-"""Shares of a change that are tried for how far its form is off: none, and up to three times it."""
+"""Form errors that are tried, as shares of a change."""
 _UNTOLD = 0.05
-"""Share of what a place wanders by that readings cannot tell: of 0.2 K the last digit of an RTD."""
+"""Share of a usual drift that readings cannot resolve: of 0.2 K the last digit of an RTD."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """One run: what is replayed, and what the simulator should show there.
+    """One run to replay, the readings that the model should give, and their weights (`rows`).
 
-    `target` (bins, channels) is in channel units; `rows` says which of it counts and how much.
+    `target` is (bins, channels) in channel units.
     """
 
     played: Played
     target: Array
     rows: RunRows
 
-    def less_known(self, sd: Array) -> Trial:
-        """The same where as much more, (bins, channels) in channel units, is not known."""
+    def with_added_sd(self, sd: Array) -> Trial:
+        """The trial with `sd` (bins, channels), in channel units, added in quadrature."""
         rows = replace(self.rows, sd=np.sqrt(self.rows.sd**2 + sd**2))
         return replace(self, rows=rows)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """Some trials as rows; n rows in all, each of one of the channels.
+    """Trials as n rows, each of one channel.
 
-    `fold` (n,) numbers the part of the data that a row is left out with, −1 where it is not valid.
-    `least` is the mean square in floors below which nothing can be told: 1 where a floor holds what
-    no simulator is trusted below, 0 where repeats have shown it.
+    Mean squares below `least_square`, in floors, count as equal: 1 where a floor includes the
+    resolution that no simulator is trusted below, 0 where repeats have measured it.
     """
 
     trials: tuple[Trial, ...]
-    least: float = 1.0
+    least_square: float = 1.0
 
     @property
     def played(self) -> list[Played]:
-        """What is replayed."""
+        """The run of each trial."""
         return [t.played for t in self.trials]
 
     @cached_property
     def coarse(self) -> list[Played]:
-        """The same in fewer pieces, for slopes."""
+        """The runs in fewer pieces, for slopes."""
         return [played.coarse for played in self.played]
 
     @cached_property
     def channels(self) -> int:
-        """How many channels there are."""
+        """Number of channels."""
         return int(self.trials[0].target.shape[1])
 
     @cached_property
     def recorded(self) -> int:
-        """How many of them have a row that counts, at least one."""
+        """Number of channels with a valid row, at least 1."""
         return max(int((self.counts.sum(axis=0) > 0).sum()), 1)
 
     @cached_property
@@ -104,7 +103,7 @@ class Evidence:
 
     @cached_property
     def valid(self) -> Array:
-        """1 for rows that count, else 0; (n,)."""
+        """1 for valid rows, else 0; (n,)."""
         return np.concatenate([t.rows.valid.ravel() for t in self.trials]).astype(np.float64)
 
     @cached_property
@@ -120,12 +119,12 @@ class Evidence:
 
     @property
     def by_runs(self) -> bool:
-        """Whether each run is left out as a whole: of fewer than four, stretches are."""
+        """Whether a fold is a run; of fewer than four runs it is a quarter of the stretches."""
         return len(self.trials) >= _FOLDS
 
     @cached_property
     def fold(self) -> Index:
-        """Each run, or of fewer than four every fourth stretch of them; −1 where not valid."""
+        """Number of the fold with which each row is left out, (n,); −1 where not valid."""
         fold = np.empty(len(self.run_of_row), dtype=np.intp)
         for k in range(len(self.trials)):
             span = self.spans[k]
@@ -141,44 +140,48 @@ class Evidence:
         return np.concatenate(parts, axis=1)
 
     def change(self, predicted: Sequence[Array], base: Sequence[Array]) -> Array:
-        """Rows of what predictions (bins, channels) differ by from others, (n,)."""
+        """The difference of two predictions, (bins, channels) a trial, as rows (n,)."""
         differences = [(p - b)[None] for p, b in zip(predicted, base, strict=True)]
         return np.asarray(self.rows(differences)[0])
 
-    def left(self, predicted: Sequence[Array]) -> Array:
-        """Rows that predictions (bins, channels) leave of the targets, (n,)."""
+    def residual(self, predicted: Sequence[Array]) -> Array:
+        """Targets less predictions, (bins, channels) a trial, as rows (n,)."""
         pairs = zip(self.trials, predicted, strict=True)
         return np.asarray(self.rows([(t.target - p)[None] for t, p in pairs])[0])
 
     @cached_property
-    def wandering(self) -> tuple[Array, ...]:
-        """Directions of each run by itself at one standard deviation, (k, rows of the run)."""
+    def drift_directions(self) -> tuple[Array, ...]:
+        """Drifts of each trial at one standard deviation, as rows (k, rows of the trial)."""
         return tuple(t.rows.days for t in self.trials)
 
     @property
-    def wanders(self) -> bool:
-        """Whether any run has directions of its own."""
-        return any(len(d) for d in self.wandering)
+    def has_drifts(self) -> bool:
+        """Whether any trial has drifts."""
+        return any(len(d) for d in self.drift_directions)
 
-    def freed(self, r: Array, weight: Array) -> Array:
-        """Rows `r` (n,) less what the directions of each run take, at weights (n,) of squares."""
-        if not self.wanders:
+    def less_drifts(self, r: Array, weight: Array) -> Array:
+        """Rows `r` (n,) less the drifts fitted to them with `weight` (n,) of their squares."""
+        if not self.has_drifts:
             return r
-        taken = zip(self.taken(r, weight), self.wandering, strict=True)
-        return np.asarray(r - np.concatenate([u @ D for u, D in taken]))
+        drift_coefficients = zip(
+            self.drift_coefficients(r, weight), self.drift_directions, strict=True
+        )
+        return np.asarray(r - np.concatenate([u @ D for u, D in drift_coefficients]))
 
-    def taken(self, r: Array, weight: Array) -> list[Array]:
-        """How far rows `r` (n,) go along the directions of each run, (k,), at weights (n,)."""
+    def drift_coefficients(self, r: Array, weight: Array) -> list[Array]:
+        """Coefficients (k,) of the drifts of each trial, fitted to rows `r` with `weight`, both
+        (n,).
+        """
         out = []
-        for span, D in zip(self.spans, self.wandering, strict=True):
+        for span, D in zip(self.spans, self.drift_directions, strict=True):
             W = D * weight[span]
             out.append(np.asarray(np.linalg.solve(W @ D.T + np.eye(len(D)), W @ r[span])))
         return out
 
-    def weighted(self, weight: Array) -> Callable[[Array], Array]:
-        """What takes rows (m, n) times the root of their weights, each run's directions open."""
+    def whitening(self, weight: Array) -> Callable[[Array], Array]:
+        """A function that multiplies rows (m, n) by √`weight` and marginalises the drifts."""
         root = np.sqrt(weight)
-        pairs = zip(self.spans, self.wandering, strict=True)
+        pairs = zip(self.spans, self.drift_directions, strict=True)
         shrinks = [(span, Shrink(D * root[span])) for span, D in pairs if len(D)]
 
         def of(values: Array) -> Array:
@@ -216,55 +219,60 @@ class Evidence:
 
 
 def weights(
-    evidence: Evidence, left: Array, alike: float = 1.0, tau: Array | float = CORRELATED
+    evidence: Evidence, residual: Array, offset: float = 1.0, tau: Array | float = CORRELATED
 ) -> Array:
-    """What each row's square counts, (n,): 1/((v_c + alike) τ), 0 where it is not valid.
+    """Weight of each row's square, (n,): 1/((v_c + offset) τ), 0 where it is not valid.
 
     `tau` are correlation times in rows, of all channels or (channels,).
     """
-    of_channel = 1.0 / ((evidence.variances(left) + alike) * tau)
+    of_channel = 1.0 / ((evidence.variances(residual) + offset) * tau)
     return np.asarray(of_channel[evidence.channel_of_row] * evidence.valid)
 
 
-def without_drifts(evidence: Evidence, left: Array) -> Array:
-    """Rows (n,) less what wanders in each run, at weights that follow from what is left without it.
+def without_drifts(evidence: Evidence, residual: Array) -> Array:
+    """Rows (n,) less the drifts, fitted with weights that follow from what remains.
 
-    Rows that hold a drift weigh little, and then little of it is taken: so a few rounds are needed.
-    This is for judging. A fit takes the weights of what it leaves, the drift included: in a model
-    of the wrong form drifts would else take much of what it lacks.
+    Rows with a large drift weigh little at first, so the fit is repeated a few times. This is for
+    judging only: in a fit the weights include the drift, or drifts would absorb what a model of the
+    wrong form lacks.
     """
-    rows = left
-    for _ in range(_DRIFT_ROUNDS if evidence.wanders else 0):
-        rows = evidence.freed(left, weights(evidence, rows))
+    rows = residual
+    for _ in range(_DRIFT_ROUNDS if evidence.has_drifts else 0):
+        rows = evidence.less_drifts(residual, weights(evidence, rows))
     return rows
 
 
 def with_drifts(evidence: Evidence, predicted: Sequence[Array]) -> list[Array]:
-    """Predictions (bins, channels) with what wanders in each run, as they are judged."""
-    left = evidence.left(predicted)
-    weight = weights(evidence, without_drifts(evidence, left))
-    steps = zip(evidence.trials, evidence.taken(left, weight), predicted, strict=True)
+    """Predictions (bins, channels) with the drifts that are fitted when they are judged."""
+    residual = evidence.residual(predicted)
+    weight = weights(evidence, without_drifts(evidence, residual))
+    steps = zip(
+        evidence.trials, evidence.drift_coefficients(residual, weight), predicted, strict=True
+    )
     return [p + np.tensordot(u * t.rows.day_sd, t.rows.day, axes=1) for t, u, p in steps]
 
 
-def form_of(
+def form_sd_of(
     evidence: Evidence, predicted: Sequence[Array], changes: Sequence[Array]
 ) -> tuple[Array, ...]:
-    """How well the form of `changes` is known, one deviation in channel units, as them.
+    """Standard deviation of the form error of `changes`, (bins, channels) a trial, in channel
+    units.
 
-    Of each channel that is the share of the change under which what the prediction leaves is
-    likeliest, normal with that beside the floor. All are (bins, channels) of each trial.
+    For each channel it is the share of the change that makes the residual likeliest: normal, with
+    the floor and this share added in quadrature.
     """
     sd, valid = (
         np.concatenate(rows)
         for rows in zip(*((t.rows.sd, t.rows.valid) for t in evidence.trials), strict=True)
     )
-    left = np.concatenate([t.target - p for t, p in zip(evidence.trials, predicted, strict=True)])
+    residual = np.concatenate(
+        [t.target - p for t, p in zip(evidence.trials, predicted, strict=True)]
+    )
     moved = np.concatenate(changes)
     best, share = np.full(evidence.channels, np.inf), np.zeros(evidence.channels)
     for f in _FORM_SHARES:
         variance = sd**2 + (f * moved) ** 2
-        cost = np.where(valid, np.log(variance) + left**2 / variance, 0.0).sum(axis=0)
+        cost = np.where(valid, np.log(variance) + residual**2 / variance, 0.0).sum(axis=0)
         share = np.where(cost < best, f, share)
         best = np.minimum(cost, best)
     return tuple(share * c for c in changes)
@@ -273,53 +281,50 @@ def form_of(
 def recorded_evidence(
     plant: PlacesPlant, runs: Sequence[GapRun], floors: Array, period_s: float, point: ModelPoint
 ) -> Evidence:
-    """Recorded runs as evidence, each on a grid of `period_s`; `floors` (channels,) of a row.
+    """Recorded runs as evidence in rows of `period_s` with `floors` (channels,).
 
-    What the plant's traits say wanders by itself is left open in each run, as the model at `point`
-    shows it.
+    The drifts of each run are those of the plant's traits, replayed by the model at `point`.
     """
     trials = []
     for run in runs:
         played = Played.of(run, plant.inputs, run.begins_s, period_s)
         measured = binned(run, played.bins, plant, played.start_s, period_s, partly=True)
-        rows = RunRows.of(floors, measured.valid, wandering(plant, point, played))
+        rows = RunRows.of(floors, measured.valid, drift_directions(plant, point, played))
         trials.append(Trial(played=played, target=measured.values, rows=rows))
     return Evidence(trials=tuple(trials))
 
 
-def wandering(plant: PlacesPlant, point: ModelPoint, played: Played) -> Array:
-    """What a constant and a straight line at each place that wanders change, at its usual size;
-    what a run's start may be off by; and what an input changes that steps while samples are lost,
-    which may then be as after the step, or as before it.
+def drift_directions(plant: PlacesPlant, point: ModelPoint, played: Played) -> Array:
+    """Drifts of a run at one standard deviation, (k, bins, channels) in channel units.
 
-    Near a reversal a spring goes one way or the other by less than a reading can tell: a small
-    constant, up and down, is replayed as recorded.
+    They are a constant and a straight line at each place that drifts; a step of an input that falls
+    into lost samples, at either end of the gap; and an error of each reading that a window begins
+    from. Near a reversal less than a reading can resolve decides which way a spring goes: so a
+    small constant of either sign is replayed exactly, too.
     """
     run, whole = played.run, played.whole
     steady, small = np.ones(len(run.t_s)), np.full(len(whole.t_s), _UNTOLD)
     line = (run.t_s - run.t_s[0]) / max(run.duration_s, 1e-9)
 
-    def readings(outputs: Mapping[str, Array], *, exact: bool = False) -> Array:
+    def readings(of: GapRun, forcing: Forcing, *, exact: bool = False) -> Array:
+        outputs = plant.forced(point, of, forcing, fast=not exact)
         return played.on_grid(outputs, plant.channels, exact=exact)
 
-    base = readings(plant.forced(point, run, {}, fast=True))
-    exact = readings(plant.forced(point, whole, {}), exact=True)
-    out = [np.zeros((0, *base.shape))]
-    places = {p.name: p for p in plant.places}
+    base, exact_base = readings(run, {}), readings(whole, {}, exact=True)
+    drifts: list[Array] = []
     for name, size in traits_of(plant).drift.items():
-        for side in places[name].sides:
-            for course in (steady, line):
-                forced = plant.forced(point, run, {(name, side): size * course}, fast=True)
-                out.append((readings(forced) - base)[None])
-            for course in (small, -small):
-                forced = plant.forced(point, whole, {(name, side): size * course})
-                out.append((readings(forced, exact=True) - exact)[None])
+        for key in ((name, side) for side in place_named(plant, name).sides):
+            drifts += [readings(run, {key: size * c}) - base for c in (steady, line)]
+            drifts += [
+                readings(whole, {key: size * c}, exact=True) - exact_base for c in (small, -small)
+            ]
     for name, gaps in steps_in_gaps(whole, plant.inputs).items():
         for before, after in zip(*gaps, strict=True):
             column = np.array(whole.inputs[name], dtype=np.float64)
             column[before + 1 : after] = column[after]
-            stepped = plant.forced(point, whole.with_columns(inputs={name: column}), {})
-            out.append((readings(stepped, exact=True) - exact)[None])
+            stepped = whole.with_columns(inputs={name: column})
+            drifts.append(readings(stepped, {}, exact=True) - exact_base)
     if isinstance(plant, BarePlaces):
-        out += [(readings(begun) - base)[None] for begun in plant.begun_otherwise(point, run)]
-    return np.concatenate(out)
+        begun = plant.begun_otherwise(point, run)
+        drifts += [played.on_grid(outputs, plant.channels) - base for outputs in begun]
+    return np.array(drifts).reshape(-1, *base.shape)

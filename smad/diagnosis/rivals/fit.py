@@ -1,13 +1,13 @@
-"""One fit of a rival: parameters and its own coefficients together, by replay.
+"""Fit the parameters and the coefficients of a rival together, by replay.
 
 Minimises, over the coordinates x of a model,
 
     F(x) = Σ_c n_c/τ · log(v_c(x) + 1) + (x − m)ᵀ P (x − m),
 
-v_c being the mean square of channel c's n_c rows in floors and τ their correlation time. So each
-channel counts by what the fit leaves of it now: neither a loud channel nor one that the model
-cannot show decides alone. Gauss–Newton steps with damping; a step that does not lessen F is not
-taken, and a fit ends when no damping lessens it or F falls by less than `_ENOUGH`.
+where v_c is the mean square of the n_c rows of channel c, in floors, and τ their correlation time.
+A channel weighs the less the larger its residual is, so that no single channel decides the fit.
+Damped Gauss–Newton steps minimise F. The fit ends when no damping lowers F, or when a round lowers
+it by less than `_ENOUGH`.
 """
 
 from __future__ import annotations
@@ -30,11 +30,12 @@ _ROUNDS = 8
 NAT = 2.0
 """Of F, where every row counts."""
 _ENOUGH = 0.1 * NAT
-"""Of F, a tenth of a nat where every row counts: by less, a round has led no further."""
+"""A round that lowers F by less ends the fit: a tenth of a nat where every row counts."""
 _WORTH = 0.05
-"""Of F, that a step must promise to be tried."""
+"""A step is tried if the linear model predicts that it lowers F by at least this."""
 _HIDDEN = 0.5
-"""Of what a part changes, that averaged inputs may hide: a slope half wrong still leads on."""
+"""Averaged inputs serve while they miss at most this share of a part's effect: a slope that is half
+wrong still points downhill."""
 _POLISHES, _POLISH_ROUNDS = 12, 4
 
 
@@ -42,9 +43,8 @@ _POLISHES, _POLISH_ROUNDS = 12, 4
 class Reference:
     """A point with its predictions: as recorded, and of averaged inputs, (bins, channels) a run.
 
-    `slopes` are rows of what a unit of each coordinate changes there, of the first ones: (p, n) of
-    the parameters, or (k, n) with those of the parts. Those of the parameters were measured at the
-    coordinates `linearized_at`.
+    `slopes` are derivatives of the prediction by coordinate: (p, n) for the parameters alone, or
+    (k, n) with those of the parts. `linearized_at` is where those of the parameters were measured.
     """
 
     model: Model
@@ -56,23 +56,22 @@ class Reference:
 
     @cached_property
     def shift(self) -> tuple[Array, ...]:
-        """What exact predictions differ by from those of averaged inputs."""
+        """Exact predictions less those of averaged inputs, (bins, channels) for each run."""
         return tuple(e - a for e, a in zip(self.exact, self.averaged, strict=True))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """A fitted model: coordinates x (k,), rows `left` (n,), `slopes` (k, n) = −d left/dx in single
-    precision, since an answer keeps dozens.
+    """A fitted model: coordinates x (k,), `residual` (n,), `slopes` (k, n) = −d residual/dx.
 
-    Slopes of the parameters were measured at the coordinates `linearized_at`, and corrected since.
-    `objective` is F. `shift` is what exact predictions differ by from those of averaged inputs, and
-    None where the fit's predictions are exact.
+    Slopes have single precision, since an answer keeps dozens of fits. Those of the parameters were
+    measured at `linearized_at` and corrected since. `objective` is F; `shift` is as in `Reference`,
+    None where predictions are exact.
     """
 
     model: Model
     x: Array
-    left: Array
+    residual: Array
     slopes: Array
     linearized_at: Array
     objective: float
@@ -84,7 +83,7 @@ class Fit:
         return self.model.point(self.x)
 
     def of_parts(self, order: Sequence[int]) -> Fit:
-        """The same coordinates with these of its parts alone, in this order; not fitted anew."""
+        """The fit with only these parts, in this order; the coordinates are not fitted again."""
         model = self.model
         of_parts = [np.arange(model.slices[k].start, model.slices[k].stop) for k in order]
         columns = np.concatenate([np.arange(model.parameters), *of_parts])
@@ -100,24 +99,24 @@ class Fit:
 def replayed(
     evidence: Evidence, point: ModelPoint, model: Model, *, exact: bool
 ) -> list[Array] | None:
-    """Predictions of all trials by a point; None where the model cannot run.
+    """Predictions of all trials at a point, (bins, channels) each; None where the model fails.
 
-    They are exact where the model has a quick part, too.
+    A model with a part that needs exact replays is always replayed exactly.
     """
-    predicted = predictions(model.plant, point, evidence.played, exact=exact or model.quick)
+    predicted = predictions(model.plant, point, evidence.played, exact=exact or model.needs_exact)
     return predicted if finite(predicted) else None
 
 
 def reference_at(
     evidence: Evidence, model: Model, x: Array, fitted: Fit | None = None
 ) -> Reference | None:
-    """Predictions and slopes at `x`; None where the model cannot run.
+    """Predictions and slopes at `x`; None where the model fails.
 
-    Slopes are those of a fit where one is given, else made there for all coordinates.
+    The slopes are taken from `fitted` if it is given, else computed at `x` for all coordinates.
     """
     point = model.point(x)
     exact = replayed(evidence, point, model, exact=True)
-    averaged = exact if model.quick else replayed(evidence, point, model, exact=False)
+    averaged = exact if model.needs_exact else replayed(evidence, point, model, exact=False)
     if exact is None or averaged is None:
         return None
     return Reference(
@@ -130,17 +129,17 @@ def reference_at(
     )
 
 
-def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
-    """The fitted model as a reference of its own, with the slopes that the fit has."""
+def reference_of(evidence: Evidence, fitted: Fit) -> Reference | None:
+    """The reference at the coordinates of a fit, with the slopes of the fit."""
     return reference_at(evidence, fitted.model, fitted.x, fitted)
 
 
 def slopes_at(evidence: Evidence, model: Model, x: Array, which: Sequence[int]) -> Array:
-    """Rows of what the coordinates `which` change at `x`, for a unit of each; (len(which), n).
+    """Derivatives of the rows by the coordinates `which` at `x`, (len(which), n).
 
-    Of coarse replays, since a slope that is 2 % off costs a fit no round; those of the parts of a
-    model with a quick one are of exact replays. A coordinate whose step the model cannot run has
-    none.
+    They are finite differences of coarse replays, since a slope that is 2 % off costs a fit no
+    round. If a part needs exact replays, those of the parts are exact. A coordinate along which the
+    model fails has zeros.
     """
     steps = model.steps(x)
     _, high = model.bounds
@@ -152,7 +151,7 @@ def slopes_at(evidence: Evidence, model: Model, x: Array, which: Sequence[int]) 
         return predictions(model.plant, model.point(coordinates), runs, exact=exact)
 
     for row, i in enumerate(which):
-        exact = model.quick and i >= model.parameters
+        exact = model.needs_exact and i >= model.parameters
         if exact not in bases:
             bases[exact] = predicted_at(x, exact)
         for sign in (1.0, -1.0) if x[i] + steps[i] <= high[i] else (-1.0, 1.0):
@@ -166,11 +165,13 @@ def slopes_at(evidence: Evidence, model: Model, x: Array, which: Sequence[int]) 
 
 
 def averages_hide(evidence: Evidence, reference: Reference, model: Model, x: Array) -> bool:
-    """Whether averaged inputs hide what the last part of a model changes at `x`.
+    """Whether averaged inputs hide the effect of a model's last part at `x`.
 
-    Asked of the run that the reference leaves most of.
+    The run with the largest residual at the reference is tested.
     """
-    e = evidence.part([int(evidence.squares(evidence.left(reference.exact)).sum(axis=1).argmax())])
+    e = evidence.part(
+        [int(evidence.squares(evidence.residual(reference.exact)).sum(axis=1).argmax())]
+    )
     without = reference.model.point(reference.x)
     changes = []
     for exact in (True, False):
@@ -185,84 +186,86 @@ def averages_hide(evidence: Evidence, reference: Reference, model: Model, x: Arr
 
 
 def objective(
-    evidence: Evidence, model: Model, x: Array, left: Array, *, alike: float = 1.0
+    evidence: Evidence, model: Model, x: Array, residual: Array, *, offset: float = 1.0
 ) -> float:
-    """F, see the module, with `alike` in place of 1."""
+    """F as in the module's docstring, with `offset` in place of 1 in the logarithm."""
     mean, precision = model.prior
-    likelihood = evidence.counts.sum(axis=0) / CORRELATED @ np.log(evidence.variances(left) + alike)
+    independent = evidence.counts.sum(axis=0) / CORRELATED
+    likelihood = independent @ np.log(evidence.variances(residual) + offset)
     return float(likelihood + (x - mean) @ precision @ (x - mean))
 
 
 def objective_at(evidence: Evidence, model: Model, x: Array) -> float:
-    """F of a model that is replayed as recorded at `x`; infinite where it cannot run."""
+    """F at `x` by exact replays; infinite where the model fails."""
     predicted = replayed(evidence, model.point(x), model, exact=True)
     if predicted is None:
         return np.inf
-    left = evidence.left(predicted)
-    return objective(evidence, model, x, evidence.freed(left, weights(evidence, left)))
+    residual = evidence.residual(predicted)
+    return objective(
+        evidence, model, x, evidence.less_drifts(residual, weights(evidence, residual))
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Stand:
-    """Where a fit stands: coordinates, the rows left there, and F."""
+class _Iterate:
+    """A point on the way of a fit: coordinates, residual, and F."""
 
     x: Array
-    left: Array
+    residual: Array
     value: float = np.inf
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Descent:
-    """One round of a fit: F with the weights of where it began.
+class _Round:
+    """One round of a fit, in which the weights of the rows stay as they were at its start.
 
-    Predictions are exact without a `shift`, else those of averaged inputs with it.
+    Without a `shift` predictions are exact; else they are those of averaged inputs plus the shift.
     """
 
     evidence: Evidence
     model: Model
     shift: tuple[Array, ...] | None
     weight: Array
-    alike: float
+    offset: float
 
-    def at(self, x: Array) -> _Stand | None:
-        """A stand at coordinates `x`; None where the model cannot run."""
+    def at(self, x: Array) -> _Iterate | None:
+        """The iterate at coordinates `x`; None where the model fails."""
         exact = self.shift is None
         predicted = replayed(self.evidence, self.model.point(x), self.model, exact=exact)
         if predicted is None:
             return None
         if self.shift is not None:
             predicted = [p + s for p, s in zip(predicted, self.shift, strict=True)]
-        return self.valued(_Stand(x=x, left=self.evidence.left(predicted)))
+        return self.with_objective(_Iterate(x=x, residual=self.evidence.residual(predicted)))
 
-    def valued(self, stand: _Stand) -> _Stand:
-        """The stand with F by these weights."""
-        left = self.evidence.freed(stand.left, self.weight)
-        value = objective(self.evidence, self.model, stand.x, left, alike=self.alike)
-        return replace(stand, value=value)
+    def with_objective(self, iterate: _Iterate) -> _Iterate:
+        """The iterate with F by these weights."""
+        residual = self.evidence.less_drifts(iterate.residual, self.weight)
+        value = objective(self.evidence, self.model, iterate.x, residual, offset=self.offset)
+        return replace(iterate, value=value)
 
-    def lessened(self, stand: _Stand, slopes: Array) -> _Stand:
-        """One Gauss–Newton step, damped until it lessens F, lengthened while it does; or none."""
+    def stepped(self, iterate: _Iterate, slopes: Array) -> _Iterate:
+        """The iterate after a Gauss–Newton step that lowers F, or `iterate` where none does."""
         e, (mean, precision), (low, high) = self.evidence, self.model.prior, self.model.bounds
-        J, r = _weighted(e, slopes, stand.left, self.weight)
-        A, g = J @ J.T + precision, J @ r - precision @ (stand.x - mean)
+        J, r = _whitened(e, slopes, iterate.residual, self.weight)
+        A, g = J @ J.T + precision, J @ r - precision @ (iterate.x - mean)
         for damping in _DAMPING:
-            step = bounded_step(A, g, low - stand.x, high - stand.x, damping)
+            step = bounded_step(A, g, low - iterate.x, high - iterate.x, damping)
             promised = 2.0 * g @ step - step @ A @ step
             if promised < _WORTH:
                 break
-            best = stand
-            # The weights of the log-likelihood lag behind the fit: what gives more than it promised
-            # was too short.
+            best = iterate
+            # The weights lag behind the fit: a step that gains more than predicted was too short.
             for times in _LONGER:
-                moved = self.at(np.clip(stand.x + times * step, low, high))
+                moved = self.at(np.clip(iterate.x + times * step, low, high))
                 if moved is None or not moved.value < best.value:
                     break
                 best = moved
-                if stand.value - best.value < promised:
+                if iterate.value - best.value < promised:
                     break
-            if best is not stand:
+            if best is not iterate:
                 return best
-        return stand
+        return iterate
 
 
 def fit(
@@ -273,54 +276,54 @@ def fit(
     *,
     rounds: int = _ROUNDS,
     enough: float = _ENOUGH,
-    alike: float = 1.0,
+    offset: float = 1.0,
     exact: bool = False,
 ) -> Fit | None:
-    """Fit a model from `start` until a round lessens F by less than `enough`; None where the model
-    cannot run there.
+    """Fit a model from `start` until a round lowers F by less than `enough`.
 
-    Channels that leave less than `alike`, a mean square in floors, count alike. Above 1 it leads
-    past local minima of F, in which one channel has been given up.
-
-    Predictions are `exact`, or those of averaged inputs shifted by what exact replays of the
-    `reference` differ by: where a spring hangs at a reversal the two part at the first step.
-
-    Slopes are the reference's, and where it has none made where the fit begins. Each step corrects
-    them by what it showed (Broyden); where it can go no further those of the parts are made anew.
+    Return None where the model fails at `start`. `offset` stands for 1 in log(v_c + 1): channels
+    with a mean square below it weigh alike, and a larger one leads past local minima in which one
+    channel is given up. Predictions are `exact`, or those of averaged inputs plus the shift of the
+    `reference`. Slopes that the reference lacks are computed at the start. Each step corrects them
+    by a Broyden update; when no step lowers F, those of the parts are computed again.
     """
     low, high = model.bounds
-    shift = None if exact or model.quick else reference.shift
-    even = _Descent(evidence=evidence, model=model, shift=shift, weight=evidence.valid, alike=alike)
-    stand = even.at(np.clip(start, low, high))
-    if stand is None:
+    shift = None if exact or model.needs_exact else reference.shift
+    first = _Round(
+        evidence=evidence, model=model, shift=shift, weight=evidence.valid, offset=offset
+    )
+    iterate = first.at(np.clip(start, low, high))
+    if iterate is None:
         return None
     parts = range(model.parameters, len(start))
-    linearized_at = stand.x
+    linearized_at = iterate.x
     if len(reference.slopes) >= model.parameters:
-        new = model.absent(stand.x, reference.model.parts)
+        new = model.absent(iterate.x, reference.model.parts)
         linearized_at = np.concatenate([reference.linearized_at, new])
     unknown = range(len(reference.slopes), len(start))
-    slopes = np.concatenate([reference.slopes, slopes_at(evidence, model, stand.x, unknown)])
+    slopes = np.concatenate([reference.slopes, slopes_at(evidence, model, iterate.x, unknown)])
     corrected = False
     for _ in range(rounds):
-        descent = replace(even, weight=weights(evidence, stand.left, alike))
-        before = descent.valued(stand)
-        stand = descent.lessened(before, slopes)
-        if before.value - stand.value >= enough:
-            step = stand.x - before.x
-            unforeseen = before.left - stand.left - step @ slopes
+        current = replace(first, weight=weights(evidence, iterate.residual, offset))
+        before = current.with_objective(iterate)
+        iterate = current.stepped(before, slopes)
+        if before.value - iterate.value >= enough:
+            step = iterate.x - before.x
+            unforeseen = before.residual - iterate.residual - step @ slopes
             slopes += np.outer(step / (step @ step), unforeseen)
             corrected = True
         elif corrected and parts:
-            slopes[parts.start :] = slopes_at(evidence, model, stand.x, parts)
+            slopes[parts.start :] = slopes_at(evidence, model, iterate.x, parts)
             corrected = False
         else:
             break
-    ended = replace(even, weight=weights(evidence, stand.left, alike)).valued(stand)
+    ended = replace(first, weight=weights(evidence, iterate.residual, offset)).with_objective(
+        iterate
+    )
     return Fit(
         model=model,
-        x=stand.x,
-        left=stand.left,
+        x=iterate.x,
+        residual=iterate.residual,
         slopes=slopes.astype(np.float32),
         linearized_at=linearized_at,
         objective=ended.value,
@@ -329,23 +332,31 @@ def fit(
 
 
 def reusable_slopes(source: Reference | Fit) -> Array:
-    """Slopes (p, n) of the parameters, or none (0, n) where a coordinate has moved since by more
-    than the step that slopes are measured with, or a part has come or gone."""
+    """Slopes of the parameters that still hold, (p, n), or (0, n).
+
+    They hold while every coordinate is within a finite-difference step of where they were measured,
+    and the parts are the same.
+    """
     x, then = source.x, source.linearized_at
     far = len(then) != len(x) or (np.abs(x - then) > source.model.steps(then)).any()
     return source.slopes[: 0 if far else source.model.parameters]
 
 
-def polished(evidence: Evidence, fitted: Fit, *, alike: float = 1.0, exact: bool = True) -> Fit:
-    """The fit carried on, by exact replays or averaged inputs, until that lessens F no further.
+def polished(evidence: Evidence, fitted: Fit, *, offset: float = 1.0, exact: bool = True) -> Fit:
+    """Repeat the fit with fresh slopes of its parts until F falls by less than a nat.
 
-    Slopes of the parts are made anew each time, those of the parameters where they are far from
-    where those were measured.
+    Slopes of the parameters are computed again where `reusable_slopes` has none.
     """
     for _ in range(_POLISHES):
-        base = rebased(evidence, replace(fitted, slopes=reusable_slopes(fitted)))
+        base = reference_of(evidence, replace(fitted, slopes=reusable_slopes(fitted)))
         refitted = base and fit(
-            evidence, fitted.model, fitted.x, base, rounds=_POLISH_ROUNDS, alike=alike, exact=exact
+            evidence,
+            fitted.model,
+            fitted.x,
+            base,
+            rounds=_POLISH_ROUNDS,
+            offset=offset,
+            exact=exact,
         )
         if not refitted:
             return fitted
@@ -356,32 +367,33 @@ def polished(evidence: Evidence, fitted: Fit, *, alike: float = 1.0, exact: bool
 
 
 def fit_to_end(evidence: Evidence, reference: Reference, *, near: bool = False) -> Fit | None:
-    """The model of a reference fitted from there on to its end; None where it cannot run.
+    """Fit the model of a reference to convergence; None where the model fails.
 
-    It begins by least squares, in which channels count alike that leave less than the loudest, and
-    comes to F by way of the geometric mean; or with F, where it begins `near` its end.
+    The first fit is nearly least squares (an offset as large as the loudest channel), the second
+    has the geometric mean of that offset and 1, the last minimises F. A start `near` the minimum
+    needs the last alone.
     """
     start = replace(reference, slopes=reusable_slopes(reference))
-    loudest = max(float(evidence.variances(evidence.left(reference.exact)).max()), 1.0)
-    alikes = (1.0,) if near else (loudest, loudest**0.5, 1.0)
-    fitted = fit(evidence, reference.model, reference.x, start, alike=alikes[0])
-    for alike in dict.fromkeys(alikes):
+    loudest = max(float(evidence.variances(evidence.residual(reference.exact)).max()), 1.0)
+    offsets = (1.0,) if near else (loudest, loudest**0.5, 1.0)
+    fitted = fit(evidence, reference.model, reference.x, start, offset=offsets[0])
+    for offset in dict.fromkeys(offsets):
         if fitted:
             fitted = polished(
                 evidence,
                 replace(fitted, objective=np.inf),
-                alike=alike,
-                # What is far from its end needs no more than a direction.
-                exact=alike < loudest or alike == 1.0,
+                offset=offset,
+                # Far from the minimum an approximate descent direction suffices.
+                exact=offset < loudest or offset == 1.0,
             )
     return fitted
 
 
 def fit_from_several(evidence: Evidence, reference: Reference) -> Fit | None:
-    """The best of fits to their end from three starts, for what much else is compared with.
+    """The best of three converged fits; None where the model fails.
 
-    Where springs reverse F has many minima: 583 and 215 of the same good runs. They begin at the
-    reference, by least squares and with F, and half way from there to where the first one ended.
+    F has many local minima where springs reverse: 583 and 215 on the same good runs. The fits start
+    at the reference, by least squares and with F, and half way from there to the first minimum.
     """
     first = fit_to_end(evidence, reference)
     if first is None:
@@ -392,16 +404,15 @@ def fit_from_several(evidence: Evidence, reference: Reference) -> Fit | None:
 
 
 def leave_out(evidence: Evidence, fitted: Fit) -> tuple[Array, ...]:
-    """Coordinates without each fold, one Gauss–Newton step from those of all rows.
+    """Coordinates (k,) fitted without each fold: one Gauss–Newton step from those of all rows.
 
-    A fit has ended, so a step that its slopes still ask for with all rows is an error of these
-    slopes, and is subtracted.
+    At a minimum the step for all rows is 0 but for errors of the slopes, so it is subtracted.
     """
     model, x = fitted.model, fitted.x
     low, high = model.bounds
     mean, precision = model.prior
-    weight = weights(evidence, fitted.left)
-    J, r = _weighted(evidence, fitted.slopes, fitted.left, weight)
+    weight = weights(evidence, fitted.residual)
+    J, r = _whitened(evidence, fitted.slopes, fitted.residual, weight)
     products, along = J @ J.T + precision, J @ r - precision @ (x - mean)
     of_all = bounded_step(products, along, low - x, high - x)
     out = []
@@ -413,7 +424,9 @@ def leave_out(evidence: Evidence, fitted: Fit) -> tuple[Array, ...]:
     return tuple(out)
 
 
-def _weighted(evidence: Evidence, slopes: Array, left: Array, weight: Array) -> tuple[Array, Array]:
-    """Slopes (k, n) and rows (n,) at their weights (n,), each run's directions open."""
-    both = evidence.weighted(weight)(np.concatenate([slopes, left[None]]))
+def _whitened(
+    evidence: Evidence, slopes: Array, residual: Array, weight: Array
+) -> tuple[Array, Array]:
+    """Slopes (k, n) and residual (n,), weighted (n,) and with the drifts marginalised."""
+    both = evidence.whitening(weight)(np.concatenate([slopes, residual[None]]))
     return both[:-1], both[-1]

@@ -1,7 +1,7 @@
-"""Laws as rivals: for each place the few terms that take most of rows they were not fitted to.
+"""Laws as rivals: for each place the few terms that explain most out of sample.
 
-Terms are selected on the linear picture at a reference, with the parameters open beside them; what
-is selected is then fitted and judged by replay like any other rival.
+Terms are selected by their linear responses at a reference, with the parameters marginalised. A law
+is then fitted and judged by replay like any other rival.
 """
 
 from __future__ import annotations
@@ -14,29 +14,29 @@ from smad.diagnosis.plant import Array, Index
 from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Reference
 from smad.diagnosis.rivals.parts import LawPart
-from smad.diagnosis.rivals.screening import opened
+from smad.diagnosis.rivals.screening import marginaliser
 
 MOST_TERMS = 3
-"""Terms of a law at most, so that it can be read."""
+"""Most terms of a law, so that it can be read."""
 _SIMPLER = 0.97
-"""What a term of one order more is worth, and a law on both springs beside one on either."""
+"""Factor on the gain of a term for each further order, and of a law on both sides."""
 
 
 def selected_laws(
     evidence: Evidence, reference: Reference, responses: Responses
 ) -> list[tuple[LawPart, Array]]:
-    """The best law of each place with coefficients to begin with, the one that takes most first.
+    """The best law of each place with its linear coefficients, the one that explains most first.
 
-    `responses` are of every term, at the reference or near it.
+    `responses` are those of all terms at the reference, or near it.
     """
-    left = evidence.left(reference.exact)
-    beside = opened(evidence, reference)
-    z = beside(left[None])[0]
+    residual = evidence.residual(reference.exact)
+    marginalised = marginaliser(evidence, reference)
+    z = marginalised(residual[None])[0]
     A = np.zeros((len(responses.runs[0]), len(z)), dtype=np.float32)
-    # A law at a time: all in double precision would be a gigabyte.
+    # One law at a time: all responses in double precision would be a gigabyte.
     for span in responses.columns:
         raw = [r[span.start : span.stop].astype(np.float64) for r in responses.runs]
-        A[span.start : span.stop] = beside(evidence.rows(raw))
+        A[span.start : span.stop] = marginalised(evidence.rows(raw))
     rows = FoldRows(z, A, evidence.fold)
     best: dict[str, tuple[float, LawPart, Array]] = {}
     for candidate in responses.candidates():
@@ -51,7 +51,7 @@ def selected_laws(
 
 
 def _forward(rows: FoldRows, candidate: Candidate) -> Forward:
-    """The terms of a candidate that take most; the constant is always in."""
+    """Select the terms of a candidate; the constant is always in."""
     constant: Index = candidate.groups[0]
     numbers = candidate.groups[1:]
     free = np.unique(numbers)

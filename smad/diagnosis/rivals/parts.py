@@ -1,10 +1,10 @@
 """A model of the bench as coordinates: parameters, and the parts that a hypothesis adds to them.
 
 A part is an effect of the library or a law at a place. Every part has `size` coordinates p of
-order 1, so that one fit serves all of them, and it acts at `places`, the first one first. It has
-`bounds()`, lower and upper; a normal `prior()`, mean and precision; `steps(p)` of finite
-differences; the coordinates nearest p at which it is `absent(p)`, infinite where none are; and the
-point of a model with it `added(point, p)`.
+order 1, so that one fit serves all of them, and acts at `places`. It has `bounds()`, lower and
+upper; a normal `prior()`, mean and precision; finite-difference `steps(p)`; `absent(p)`, the
+coordinates nearest p at which it changes nothing, or infinity; and `added(point, p)`, the point of
+the model with it.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ _PARAMETER_STEP = 0.1
 class EffectPart:
     """An effect of the library; a coordinate is one of its parameters over its scale.
 
-    `quick`: averaged inputs hide what it changes, so that it is fitted by exact replays.
+    `needs_exact`: averaged inputs hide its effect, so it is fitted by exact replays.
     """
 
     effect: Effect
-    quick: bool = False
+    needs_exact: bool = False
 
     @property
     def name(self) -> str:
@@ -51,7 +51,7 @@ class EffectPart:
 
     @property
     def has_strength(self) -> bool:
-        """Whether it can be more or less; else it is there or not."""
+        """Whether one of its parameters is a strength; else it is on or off."""
         return any(q.strength for q in self.effect.parameters)
 
     def bounds(self) -> tuple[Array, Array]:
@@ -60,18 +60,16 @@ class EffectPart:
         return np.array(low), np.array(high)
 
     def prior(self) -> tuple[Array, Array]:
-        """Half the range wide, around no strength and the typical shape.
-
-        It only keeps a direction from wandering that the runs say nothing of.
-        """
+        """Half the range wide, around strength 0 and the typical shape: it bounds directions that
+        the runs do not determine."""
         parameters = self.effect.parameters
         mean = [0.0 if q.strength else float(np.sign(q.typical)) for q in parameters]
         precision = [(2 * q.scale / (q.high - q.low)) ** 2 for q in parameters]
         return np.array(mean), np.array(precision)
 
     def steps(self, p: Array) -> Array:
-        # Wide, since a hysteretic replay is rough on a small scale; but no wider than half of where
-        # an effect stands, since a lag of milliseconds in a library that goes to seconds is sharp.
+        # Wide, since a hysteretic replay is rough on a small scale; at most half the value, since
+        # a lag of milliseconds in a library that goes to seconds needs small steps.
         away = np.abs(p)
         return np.where(away < 1e-9, _STEP, np.clip(0.5 * away, _LEAST_STEP, _STEP))
 
@@ -104,7 +102,7 @@ class LawPart:
     candidate: Candidate
     columns: Index
     responses: Responses
-    quick: ClassVar[bool] = False
+    needs_exact: ClassVar[bool] = False
     has_strength: ClassVar[bool] = True
 
     @property
@@ -145,25 +143,24 @@ class Model:
     """Coordinates x (k,): parameters in prior standard deviations from `start`, then the parts'.
 
     `parameter_precision` (p, p) is that of the parameters' normal prior around the start.
-    `rows_as_one` is how many rows of a fit a score counts as one: a fit counts the prior as much
-    more, so that it finds what the score prefers.
+    A fit multiplies it by `prior_weight`: the score counts so many rows of a fit as one.
     """
 
     plant: PlacesPlant
     start: ModelPoint
     parameter_precision: Array
     parts: tuple[Part, ...] = ()
-    rows_as_one: float = 1.0
+    prior_weight: float = 1.0
 
     @property
     def parameters(self) -> int:
-        """How many parameters there are."""
+        """Number of parameters."""
         return len(self.plant.parameters)
 
     @property
-    def quick(self) -> bool:
-        """Whether averaged inputs hide what one of its parts changes."""
-        return any(part.quick for part in self.parts)
+    def needs_exact(self) -> bool:
+        """Whether one of its parts needs exact replays."""
+        return any(part.needs_exact for part in self.parts)
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
@@ -189,7 +186,7 @@ class Model:
         mean = np.concatenate([np.zeros(self.parameters), *(m for m, _ in of_parts)])
         precision = np.zeros((len(mean), len(mean)))
         n = self.parameters
-        precision[:n, :n] = self.rows_as_one * self.parameter_precision
+        precision[:n, :n] = self.prior_weight * self.parameter_precision
         diagonal = np.arange(n, len(mean))
         precision[diagonal, diagonal] = np.concatenate([np.zeros(0), *(p for _, p in of_parts)])
         return mean, precision
@@ -213,11 +210,11 @@ class Model:
         return point
 
     def with_parts(self, parts: Sequence[Part]) -> Model:
-        """The same with other parts."""
+        """The model with other parts."""
         return replace(self, parts=tuple(parts))
 
     def with_precision(self, precision: Array) -> Model:
-        """The same with another prior precision (p, p) of the parameters."""
+        """The model with another prior precision (p, p) of the parameters."""
         return replace(self, parameter_precision=precision)
 
     def log_prior(self, x: Array) -> float:

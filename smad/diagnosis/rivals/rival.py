@@ -1,7 +1,7 @@
-"""A rival, and the question that it answers: what is fitted, and what it is judged on.
+"""A rival (a fitted hypothesis), and the question that it answers.
 
-A rival is judged by what it leaves of rows that it was not fitted to, runs held out or else each
-fold in turn, replayed as they were recorded.
+A rival is judged by its residual on rows that it was not fitted to: runs held out, or each fold in
+turn, replayed as recorded.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
-from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, form_of, without_drifts
+from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, form_sd_of, without_drifts
 from smad.diagnosis.rivals.fit import (
     Fit,
     Reference,
     fit,
     fit_to_end,
     leave_out,
-    rebased,
+    reference_of,
     replayed,
 )
 from smad.diagnosis.rivals.parts import Model
@@ -41,18 +41,18 @@ from smad.diagnosis.rivals.score import (
     probabilities,
     quiet_gap,
 )
+from smad.diagnosis.verdict import AT_FLOOR
 from smad.progress import Say
 
 _STEP_SHARES = (1.0, 0.5, 0.25)
-"""Shares of the step to where a run is left out, the longest first."""
+"""Shares of the step that leaves a run out, the longest first."""
 _ROUGH = 0.3
-"""Floors by which a replay may differ from what slopes predict: it is rough where springs turn."""
-NEAR = 1.3
-"""A channel that leaves at most so many floors shows nothing more: floors are known to a third."""
+"""Floors by which a replay may differ from its linear prediction: it is rough where springs turn.
+"""
 CHANNELS = 10
-"""Of the spring pair, on which κ was fitted."""
+"""Channels of the spring pair, on which κ was fitted."""
 DAY = 0.05
-"""How far a parameter may be from where good runs have it, in prior standard deviations."""
+"""Least standard deviation of a parameter from day to day, in prior standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,10 +65,10 @@ class Predicted:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rival:
-    """A hypothesis with its fit (None for the simulator as configured), and what it leaves.
+    """A hypothesis with its fit (None for the simulator as configured) and its residual.
 
-    `squares` (judged runs, channels) are in floors, of rows that it was not fitted to; `scores`
-    (judged runs,) are those of `log_scores`. `log_prior` is that of where its parameters are.
+    `squares` (judged runs, channels) are sums in floors over rows that it was not fitted to,
+    `scores` (judged runs,) those of `log_scores`, `log_prior` is that of its parameters.
     """
 
     kind: str
@@ -86,7 +86,7 @@ class Rival:
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Where the part that is asked acts; empty for parameters and nothing."""
+        """Where its last part acts; empty for a rival without a part."""
         if not self.has_part or self.fit is None:
             return ()
         return self.fit.model.parts[-1].places
@@ -94,15 +94,14 @@ class Rival:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Question:
-    """What is asked: evidence to fit, evidence held out or None, and the model that is fitted.
+    """Evidence to fit, evidence held out (or None), and the model that is fitted.
 
-    `effects` may be told. `temper` weighs rivals, by the channels that these runs have. `tied`
-    (p, p) is the precision of the parameters until other values of them are the answer; None: they
-    are free from the start.
-    `responses` are those of laws, and `changes` those of effects, where they are known.
-    `form_share` is the largest share of a floor's square that the model's form makes, and `good`
-    how many runs say so. `form` (bins, channels) of each judged run is how well the form of what
-    has entered is known, one standard deviation in channel units; empty before.
+    `effects` are the candidates, `constants` those of the score for the channels of these runs.
+    `tied` (p, p) is the precision of the parameters' prior until other values of them enter; None:
+    they are free from the start. `responses` of laws and `changes` by effects are given where they
+    are known already. `form_share` is the largest share of a floor's square that is model error,
+    and `good` the number of runs that it was measured on. `form_sd` (bins, channels) of each judged
+    run is the form error of the parts that have entered, in channel units; empty before.
     """
 
     evidence: Evidence
@@ -112,11 +111,11 @@ class Question:
     responses: Responses | None
     changes: Changes | None
     effects: tuple[Effect, ...]
-    temper: Constants
+    constants: Constants
     say: Say
     form_share: float = 0.0
     good: int = 0
-    form: tuple[Array, ...] = ()
+    form_sd: tuple[Array, ...] = ()
 
     @property
     def judged(self) -> Evidence:
@@ -125,7 +124,7 @@ class Question:
 
     @property
     def judged_on(self) -> str:
-        """The same in words."""
+        """What rivals are judged on, in words."""
         count = len(self.judged.trials)
         if self.held_out is not None:
             return f"{counted(count, 'run')} held out"
@@ -134,14 +133,17 @@ class Question:
         return f"{stretches}{runs}, each by a model fitted to the others"
 
     @cached_property
-    def scored(self) -> Evidence:
-        """The judged runs in floors that hold the `form` of what has entered, where it has one."""
-        pairs = zip(self.judged.trials, self.form, strict=True)
-        return replace(self.judged, trials=tuple(t.less_known(form) for t, form in pairs))
+    def scored_evidence(self) -> Evidence:
+        """The judged runs with the `form_sd` of the parts that have entered in their floors."""
+        pairs = zip(self.judged.trials, self.form_sd, strict=True)
+        return replace(self.judged, trials=tuple(t.with_added_sd(sd) for t, sd in pairs))
 
-    def after(self, fitted: Fit) -> Question:
-        """The same once the parts of a fit have entered: what these leave says how well their form
-        is known. As it is where the model cannot run."""
+    def with_form_of(self, fitted: Fit) -> Question:
+        """The question with the form error of a fit's parts in `form_sd`, as their residual shows
+        it.
+
+        The question itself where the model fails.
+        """
         e, count = self.judged, len(fitted.model.parts)
         predicted = self.predicted(fitted)
         fewer = [fitted.of_parts([k for k in range(count) if k != i]) for i in range(count)]
@@ -154,10 +156,10 @@ class Question:
                 return self
             changes = (a - b for a, b in zip(whole, without_one, strict=True))
             moved = [np.hypot(so_far, c) for so_far, c in zip(moved, changes, strict=True)]
-        return replace(self, form=form_of(e, put_together(e, predicted), moved))
+        return replace(self, form_sd=form_sd_of(e, stitched(e, predicted), moved))
 
     def rival(self, kind: str, name: str, fitted: Fit) -> Rival | None:
-        """A rival by what it leaves of the judged runs; None where it cannot run there."""
+        """A fit as a rival; None where the model fails on the judged runs."""
         predicted = self.predicted(fitted)
         if predicted is None:
             return None
@@ -167,22 +169,18 @@ class Question:
     def fitted(
         self, kind: str, name: str, reference: Reference, *, near: bool = False
     ) -> Rival | None:
-        """The model of a reference fitted from there on to its end, as a rival.
-
-        `near`: it is not far from there.
-        """
+        """The model of a reference fitted to convergence, as a rival; see `fit_to_end`."""
         fitted = fit_to_end(self.evidence, reference, near=near)
         return None if fitted is None else self.rival(kind, name, fitted)
 
-    def steadied(self, kind: str, name: str, free: Fit) -> Rival | None:
-        """A fit with free parameters carried on with the prior that the score prefers, as a rival;
-        None where it cannot run.
+    def refit_with_tempered_prior(self, kind: str, name: str, free: Fit) -> Rival | None:
+        """Continue a fit of free parameters with the tempered prior; None where the model fails.
 
-        Few runs let free parameters follow noise, and where every row counts they go further from
-        the prior than a tempered score rewards.
+        With few runs free parameters follow noise: a fit counts every row, and so moves them
+        further from the prior than the tempered score rewards.
         """
-        reference = rebased(self.evidence, free)
-        model = tempered(free.model, self.evidence, self.temper)
+        reference = reference_of(self.evidence, free)
+        model = with_tempered_prior(free.model, self.evidence, self.constants)
         fitted = reference and fit(self.evidence, model, free.x, reference)
         steady = fitted and self.rival(kind, name, fitted)
         if not steady or steady.fit is None:
@@ -190,7 +188,7 @@ class Question:
         return replace(steady, fit=replace(steady.fit, model=free.model))
 
     def of_point(self, point: ModelPoint) -> Rival | None:
-        """A simulator that is not fitted, by what it leaves; None where it cannot run."""
+        """A simulator that was not fitted, as a rival; None where it fails."""
         predicted = replayed(self.judged, point, self.model, exact=True)
         if predicted is None:
             return None
@@ -199,45 +197,45 @@ class Question:
     def _leaving(
         self, predicted: Sequence[Predicted], kind: str, name: str, fitted: Fit | None
     ) -> Rival:
-        """A rival by its prediction of the judged runs; what wanders in each is taken off."""
+        """A rival with the residual of its prediction of the judged runs, less the drifts."""
         squares = _squares(self.judged, predicted)
-        scored = _squares(self.scored, predicted) if self.form else squares
-        scores = log_scores(scored, self.judged.counts, self.judged.least)
+        in_wider_floors = _squares(self.scored_evidence, predicted) if self.form_sd else squares
+        scores = log_scores(in_wider_floors, self.judged.counts, self.judged.least_square)
         return Rival(kind=kind, name=name, fit=fitted, squares=squares, scores=scores)
 
     def point_of(self, rival: Rival) -> ModelPoint:
         """The simulator of a rival."""
         return self.model.start if rival.fit is None else rival.fit.point
 
-    def near(self, rival: Rival) -> bool:
-        """Whether a rival leaves nothing that could be told in any channel of the judged runs."""
+    def at_floor(self, rival: Rival) -> bool:
+        """Whether a rival's residual is at the floor in every channel of the judged runs."""
         counts = self.judged.counts.sum(axis=0)
-        return bool((rival.squares.sum(axis=0) <= NEAR**2 * counts).all())
+        return bool((rival.squares.sum(axis=0) <= AT_FLOOR**2 * counts).all())
 
     def gap(self, rival: Rival) -> float:
-        """What a rival leaves of the judged runs, root mean square in floors."""
+        """Root mean square of a rival's residual on the judged runs, in floors."""
         return float(np.sqrt(rival.squares.sum() / max(self.judged.counts.sum(), 1.0)))
 
     @property
     def independent_rows(self) -> float:
-        """Rows of a judged run and channel that count as independent of each other, on average."""
+        """Independent rows of a judged run and channel, on average."""
         counts = self.judged.counts
         rows = float((counts / CORRELATED)[counts > 0].mean())
         return effective_rows(rows, self.form_share, shipped().evidence, self.good)
 
     @property
     def quiet_gap(self) -> float:
-        """Floors over all signals that nothing new leaves at most."""
+        """The largest gap, in floors, of a simulator that lacks nothing."""
         return quiet_gap(self.form_share, shipped().evidence, self.good)
 
     def refuted(self, rivals: Sequence[Rival]) -> list[bool]:
-        """Which rivals leave more than nothing new leaves, as long as another one does not.
+        """Which rivals have a gap above `quiet_gap` while another one has not.
 
-        Where floors hold an error of form κ is too soft to refute a simulator by its score. Else a
-        part may be nearly right, and so may a simulator that a part has entered.
+        Where floors include model error, κ is too small to refute a simulator by its score.
+        Elsewhere a rival with a part, or a simulator that has one already, may be nearly right.
         """
         above = [self.gap(r) > self.quiet_gap for r in rivals]
-        if all(above) or self.form:
+        if all(above) or self.form_sd:
             return [False] * len(above)
         return [
             too_much and (bool(self.form_share) or not r.has_part)
@@ -245,9 +243,10 @@ class Question:
         ]
 
     def incomplete(self, rivals: Sequence[Rival]) -> bool:
-        """Whether a simulator whose parameters are free leaves more than noise without a part more.
+        """Whether no rival without a new part reaches `quiet_gap`, though its parameters are free.
 
-        Then it surely lacks something: what is asked is whether a rival describes it.
+        Then something is missing for certain, and the question is only whether a rival describes
+        it.
         """
         same = (r for r in rivals if not r.has_part)
         return self.tied is None and all(self.gap(r) > self.quiet_gap for r in same)
@@ -255,25 +254,25 @@ class Question:
     def ranked(self, rivals: Sequence[Rival], *, by_rows: bool = False) -> list[Rival]:
         """Rivals with their probabilities, the likeliest first.
 
-        `by_rows`: every row counts against a simulator without a part more, since it may be right.
+        `by_rows`: every row counts against a simulator without a new part, since it may be right.
         """
         refuted = self.refuted(rivals)
-        temper = self.temper.of_unknown if self.incomplete(rivals) else self.temper
+        constants = self.constants.of_unknown if self.incomplete(rivals) else self.constants
         compared = [r for r, out in zip(rivals, refuted, strict=True) if not out]
         # Parameters that a prior holds back leave a little without being wrong in form.
         same = [r.fit.model for r in compared if r.fit and not r.has_part]
         formed = by_rows or any(model.parts for model in same)
-        near = [formed and self.near(r) for r in compared]
+        at_floor = [formed and self.at_floor(r) for r in compared]
         p = probabilities(
-            self._compared(compared, near),
+            self._compared(compared, at_floor),
             [r.kind for r in compared],
-            temper,
+            constants,
             effects=len(self.effects),
             laws=len(self.model.plant.places),
             log_prior=np.array([r.log_prior for r in compared]),
             rows=self.independent_rows,
             by_rows=by_rows,
-            near=near,
+            at_floor=at_floor,
         )
         ranked = [replace(r, probability=float(x)) for r, x in zip(compared, p, strict=True)]
         ranked += [
@@ -281,29 +280,26 @@ class Question:
         ]
         return sorted(ranked, key=lambda r: -r.probability)
 
-    def _compared(self, rivals: Sequence[Rival], near: Sequence[bool]) -> Array:
-        """Scores (rivals, runs), some of the rivals being `near` the floor.
-
-        If parts alone leave nothing that could be told, the form of what has entered is right, and
-        floors hold nothing of it.
+    def _compared(self, rivals: Sequence[Rival], at_floor: Sequence[bool]) -> Array:
+        """Scores (rivals, runs). If only rivals with a new part are `at_floor`, the parts before
+        are right in form, and the scores are taken without `form_sd`.
         """
-        have_part = {r.has_part for r, is_near in zip(rivals, near, strict=True) if is_near}
+        have_part = {r.has_part for r, low in zip(rivals, at_floor, strict=True) if low}
         e = self.judged
-        if self.form and have_part == {True}:
-            return np.array([log_scores(r.squares, e.counts, e.least) for r in rivals])
+        if self.form_sd and have_part == {True}:
+            return np.array([log_scores(r.squares, e.counts, e.least_square) for r in rivals])
         return np.array([r.scores for r in rivals])
 
     def log_weight(self, rival: Rival) -> float:
-        """What orders fits of one kind: score at κ for each run, and prior of the parameters."""
-        return float(0.5 * self.temper.evidence * rival.scores.sum() + rival.log_prior)
+        """Log weight by which two fits of one kind are compared: tempered score plus log prior."""
+        return float(0.5 * self.constants.evidence * rival.scores.sum() + rival.log_prior)
 
     def predicted(self, fitted: Fit) -> list[Predicted] | None:
-        """What a fit predicts of the judged runs without a part in them; None where it cannot run.
+        """Out-of-sample predictions of the judged runs by a fit; None where the model fails.
 
-        Without runs held out each fold is predicted by coordinates fitted to the others, or to all
-        where the model cannot run at those; replayed as in the fit. Of folds that are stretches
-        each has a prediction of the whole runs: what wanders there is found with it, and would
-        else follow the steps between the stretches.
+        Without runs held out each fold is predicted by coordinates fitted to the others, replayed
+        as in the fit. A fold of stretches has a prediction of the whole runs, to which the drifts
+        are fitted: they would else follow the steps between stretches.
         """
         if self.held_out is not None:
             held_out = replayed(self.held_out, fitted.point, fitted.model, exact=True)
@@ -323,11 +319,10 @@ class Question:
         return [_of_all_rows(evidence, whole)] if evidence.by_runs else out
 
     def _without(self, fitted: Fit, step: Array, k: int) -> Array | None:
-        """What a fit predicts of run `k` at a `step` from its coordinates, (bins, channels).
+        """Prediction of run `k` at a `step` from a fit's coordinates, (bins, channels).
 
-        Slopes predict a change for the step. Where a replay differs from the prediction by more
-        than that change, the step is shortened; where the model cannot run, it is not taken. None
-        where the model cannot run without it either.
+        The step is shortened while the replay differs from its linear prediction by more than the
+        predicted change, and left out where the model fails; None where it fails even then.
         """
         trial, span = self.evidence.trials[k], self.evidence.spans[k]
         exact, shift = fitted.shift is None, 0.0 if fitted.shift is None else fitted.shift[k]
@@ -340,7 +335,7 @@ class Question:
             out = predicted + shift
             change = share * step @ fitted.slopes[:, span]
             off = trial.rows.independent((trial.target - out)[None])[0]
-            off -= fitted.left[span] - change
+            off -= fitted.residual[span] - change
             like = off @ off <= max(change @ change, _ROUGH**2 * len(off))
             if like or share == _STEP_SHARES[-1]:
                 break
@@ -351,8 +346,8 @@ def _of_all_rows(evidence: Evidence, values: Sequence[Array]) -> Predicted:
     return Predicted(values=values, rows=np.ones(len(evidence.run_of_row), dtype=bool))
 
 
-def put_together(evidence: Evidence, predicted: Sequence[Predicted]) -> list[Array]:
-    """Of each row the prediction that it is judged by, (bins, channels) of each run."""
+def stitched(evidence: Evidence, predicted: Sequence[Predicted]) -> list[Array]:
+    """The out-of-sample prediction of every row in one array (bins, channels) for each run."""
     out = list(predicted[0].values)
     for one in predicted[1:]:
         for k, span in enumerate(evidence.spans):
@@ -361,9 +356,10 @@ def put_together(evidence: Evidence, predicted: Sequence[Predicted]) -> list[Arr
 
 
 def _squares(evidence: Evidence, predicted: Sequence[Predicted]) -> Array:
-    """Squares that predictions leave, what wanders in each run taken off, (runs, channels)."""
+    """Sums of squares of the residual less the drifts, (runs, channels)."""
     settled = (
-        np.where(p.rows, without_drifts(evidence, evidence.left(p.values)), 0.0) for p in predicted
+        np.where(p.rows, without_drifts(evidence, evidence.residual(p.values)), 0.0)
+        for p in predicted
     )
     return evidence.squares(sum(settled, start=np.zeros(len(evidence.run_of_row))))
 
@@ -380,25 +376,27 @@ def question_of(
     responses: Responses | None = None,
     changes: Changes | None = None,
 ) -> Question:
-    """What is asked of a plant at `start`; with `tied` its parameters stay near there."""
-    temper = temper_of(shipped(), free=tied is None, channels=evidence.recorded)
+    """The question about a plant at `start`; with `tied` its parameters stay near there."""
+    constants = tempered_constants(shipped(), free=tied is None, channels=evidence.recorded)
     model = free_model(plant, start)
     return Question(
         evidence=evidence,
         held_out=held_out,
-        model=model if tied is None else tempered(model, evidence, temper),
+        model=model if tied is None else with_tempered_prior(model, evidence, constants),
         tied=tied,
         effects=tuple(effects),
         responses=responses,
         changes=changes,
         say=say,
-        temper=temper,
+        constants=constants,
     )
 
 
-def temper_of(c: Constants, *, free: bool, channels: int = CHANNELS) -> Constants:
-    """What weighs rivals. Where parameters are `free` in every rival, other values of them without
-    a part are the simulator in which nothing is missing. Fewer `channels` say as much together."""
+def tempered_constants(c: Constants, *, free: bool, channels: int = CHANNELS) -> Constants:
+    """The constants for runs with so many `channels`, which together count as much as ten.
+
+    Where parameters are `free` in every rival, a simulator with other values of them lacks nothing,
+    and has the prior of nothing."""
     parameters = c.nothing if free else c.parameters
     return msgspec.structs.replace(
         c, evidence=c.evidence * CHANNELS / channels, parameters=parameters
@@ -410,10 +408,10 @@ def free_model(plant: PlacesPlant, start: ModelPoint) -> Model:
     return Model(plant=plant, start=start, parameter_precision=np.eye(len(plant.parameters)))
 
 
-def tempered(model: Model, evidence: Evidence, temper: Constants) -> Model:
-    """The model whose fit counts the prior as much more as a score counts fewer rows."""
+def with_tempered_prior(model: Model, evidence: Evidence, constants: Constants) -> Model:
+    """The model with its prior weighted as the tempered score weighs it against the rows."""
     rows = float((evidence.counts / CORRELATED)[evidence.counts > 0].mean())
-    return replace(model, rows_as_one=max(rows / temper.evidence, 1.0))
+    return replace(model, prior_weight=max(rows / constants.evidence, 1.0))
 
 
 def day_variance(plant: PlantModel) -> Array:
@@ -423,7 +421,7 @@ def day_variance(plant: PlantModel) -> Array:
 
 
 def cannot_replay(question: Question) -> GapError:
-    """The model gives no numbers for the runs."""
+    """The error of a model that gives no numbers for the runs."""
     return GapError(
         "the model cannot replay these runs",
         value=", ".join(p.whole.name for p in question.evidence.played),

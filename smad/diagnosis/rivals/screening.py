@@ -1,10 +1,10 @@
-"""Screening: which effects of the library are worth a fit, by what each of them changes.
+"""Screening: which effects of the library are worth a fit, by a linear estimate.
 
-At a reference a change is scaled to take most of the rows that are left, with the parameters open
-beside it. A right effect is often hidden where the parameters have moved to imitate it, so every
-reference is asked, and the best of each are fitted. What an effect changes does not grow evenly
-with its values: a fit begins where a replay leaves least. An effect that is there or not is always
-fitted: what it changes is not small, and a linear picture of it promises nothing.
+At a reference the change by an effect is scaled to explain most of the residual, with the
+parameters marginalised. Parameters that have moved to imitate an effect hide it, so effects are
+screened at several references. A change is not linear in the values of its effect: a fit starts
+where a replay leaves least. An effect without a strength is always fitted, since a linear estimate
+of it means nothing.
 """
 
 from __future__ import annotations
@@ -22,57 +22,59 @@ from smad.diagnosis.rivals.fit import Reference, replayed
 from smad.diagnosis.rivals.parts import EffectPart
 
 _MOST = 8
-"""Effects of a reference that are worth a fit. One that acts beyond a limit may promise little: an
-overflow of tanks, which left least, a fifth of what another one did."""
+"""Effects fitted for each reference. The right one may have a small estimate: an overflow of tanks
+was estimated at a fifth of another effect, and left least."""
 _FURTHEST = 3.0
-"""How far a change is scaled beyond the level that it was made at."""
+"""A change is scaled by at most this factor."""
 _WORTH, _STARTS = 0.5, 4
-"""Starts of an effect promise so much of what its best one does, and are so many at most."""
+"""Least gain of a start as a share of the effect's best one, and most starts of an effect."""
 _WEAKER = 0.3
-"""Share of the strength that is promised, that a fit may begin with."""
+"""A fit may also start from this share of the estimated strength."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Screened:
-    """An effect at a reference: coordinates that a fit may begin with, the most promising first,
-    and what it takes of the rows."""
+    """An effect at a reference: starts for a fit, the most promising first, and its estimated
+    `gain` in weighted squares.
+    """
 
     part: EffectPart
     starts: tuple[Array, ...]
     gain: float
 
 
-def opened(evidence: Evidence, reference: Reference) -> Callable[[Array], Array]:
-    """What takes rows (m, n) times the root of their weights at the reference, and opens beside
-    them whatever that has slopes of, within its prior."""
-    weight = weights(evidence, evidence.left(reference.exact))
+def marginaliser(evidence: Evidence, reference: Reference) -> Callable[[Array], Array]:
+    """A function that weights rows (m, n) as at the reference and marginalises its drifts and all
+    coordinates that it has slopes of, within their priors."""
+    weight = weights(evidence, evidence.residual(reference.exact))
     count = len(reference.slopes)
     _, precision = reference.model.prior
     root = np.linalg.cholesky(np.linalg.inv(precision[:count, :count]))
-    weighted = evidence.weighted(weight)
-    shrink = Shrink(weighted(root.T @ reference.slopes))
-    return lambda values: shrink(weighted(values))
+    whitening = evidence.whitening(weight)
+    shrink = Shrink(whitening(root.T @ reference.slopes))
+    return lambda values: shrink(whitening(values))
 
 
-def variances_beside(evidence: Evidence, reference: Reference) -> Callable[[Array], Array]:
-    """What gives the mean square of rows (n,) in each channel, in floors, (channels,).
+def marginal_variances(evidence: Evidence, reference: Reference) -> Callable[[Array], Array]:
+    """A function that gives the mean square of rows (n,) by channel, in floors, (channels,), with
+    the coordinates of the reference marginalised."""
+    weight = weights(evidence, evidence.residual(reference.exact))
+    marginalised, root = (
+        marginaliser(evidence, reference),
+        np.sqrt(np.where(weight > 0.0, weight, 1.0)),
+    )
+    return lambda rows: evidence.variances(marginalised(rows[None])[0] / root)
 
-    Whatever the reference has slopes of is open beside them.
-    """
-    weight = weights(evidence, evidence.left(reference.exact))
-    beside, root = opened(evidence, reference), np.sqrt(np.where(weight > 0.0, weight, 1.0))
-    return lambda rows: evidence.variances(beside(rows[None])[0] / root)
 
-
-def screened(evidence: Evidence, reference: Reference, changes: Sequence[Change]) -> list[Screened]:
-    """Effects by what they take of what the reference leaves, the best first."""
-    left = evidence.left(reference.exact)
-    beside = opened(evidence, reference)
-    z = beside(left[None])[0]
+def screen(evidence: Evidence, reference: Reference, changes: Sequence[Change]) -> list[Screened]:
+    """Effects by how much of the reference's residual they explain, the best first."""
+    residual = evidence.residual(reference.exact)
+    marginalised = marginaliser(evidence, reference)
+    z = marginalised(residual[None])[0]
     promising: dict[str, list[tuple[float, Array]]] = {}
     parts = {change.effect.name: EffectPart(change.effect) for change in changes}
     for change in changes:
-        s = beside(change.rows[None].astype(np.float64))[0]
+        s = marginalised(change.rows[None].astype(np.float64))[0]
         square, along = float(s @ s), float(s @ z)
         effect = change.effect
         strengths = {q.name for q in effect.parameters if q.strength}
@@ -87,7 +89,7 @@ def screened(evidence: Evidence, reference: Reference, changes: Sequence[Change]
     for name, pairs in promising.items():
         pairs.sort(key=lambda pair: -pair[0])
         best = pairs[0][0]
-        # What is there or not may promise less than nothing.
+        # The estimate for an effect without a strength may be negative.
         least = best - (1.0 - _WORTH) * abs(best)
         starts = [start for gain, start in pairs if gain >= least][:_STARTS]
         out.append(Screened(part=parts[name], starts=tuple(starts), gain=best))
@@ -95,18 +97,16 @@ def screened(evidence: Evidence, reference: Reference, changes: Sequence[Change]
 
 
 def worth_a_fit(ranked: Sequence[Screened]) -> list[Screened]:
-    """Of effects by what they take, those that are fitted."""
+    """The first few of ranked effects, and all without a strength."""
     return [s for k, s in enumerate(ranked) if k < _MOST or not s.part.has_strength]
 
 
-def started(
+def best_starts(
     evidence: Evidence, reference: Reference, candidates: Sequence[Screened]
 ) -> list[tuple[EffectPart, Array]]:
-    """Effects with the coordinates beside the reference's at which a replay leaves least.
-
-    The starts of each are compared, and a weaker one, with the parameters open beside them.
-    """
-    variances = variances_beside(evidence, reference)
+    """Each effect with the start at which a replay beside the reference leaves least, parameters
+    marginalised; a weaker start is compared, too."""
+    variances = marginal_variances(evidence, reference)
     rows = evidence.counts.sum(axis=0)
 
     def least(part: EffectPart, start: Array) -> float:
@@ -115,8 +115,10 @@ def started(
         predicted = replayed(evidence, model.point(x), model, exact=False)
         if predicted is None:
             return np.inf
-        left = evidence.left([p + s for p, s in zip(predicted, reference.shift, strict=True)])
-        return float(rows @ np.log(variances(left) + 1.0))
+        residual = evidence.residual(
+            [p + s for p, s in zip(predicted, reference.shift, strict=True)]
+        )
+        return float(rows @ np.log(variances(residual) + 1.0))
 
     out = []
     for s in candidates:

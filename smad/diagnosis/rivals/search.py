@@ -1,10 +1,9 @@
-"""The search: rivals of each step, refitted by replay, compared by what they leave, exchanged.
+"""The search: in each step rivals are fitted by replay and compared, and one part may enter.
 
-A step asks what the simulator lacks beside the parts that it has already. The rivals are: nothing
-more, an effect of the library, a law at a place. Each is fitted with the parameters and the parts
-before, and scored on rows that it was not fitted to. The likeliest one enters if it is likelier
-than nothing more and brings the judged runs nearer; then each part before is asked again with the
-others kept.
+The rivals of a step are: nothing more, an effect of the library, a law at a place. Each is fitted
+together with the parameters and the parts that have entered, and scored on rows that it was not
+fitted to. The likeliest enters if it is likelier than nothing more and has a better score. Then
+each earlier part is exchanged for a better one, the others kept.
 """
 
 from __future__ import annotations
@@ -27,24 +26,23 @@ from smad.diagnosis.rivals.fit import (
     fit,
     objective_at,
     polished,
-    rebased,
     reference_at,
+    reference_of,
 )
 from smad.diagnosis.rivals.laws import selected_laws
 from smad.diagnosis.rivals.parts import EffectPart, LawPart, Part
 from smad.diagnosis.rivals.rival import Question, Rival, cannot_replay
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
-from smad.diagnosis.rivals.screening import Screened, screened, started, worth_a_fit
+from smad.diagnosis.rivals.screening import Screened, best_starts, screen, worth_a_fit
 
 MOST_CAUSES = 3
-"""Of an answer. Both of two changes are found in a third of the pairs (decision 0720)."""
+"""Parts of an answer at most: of two changes both are found in a third of cases (decision 0720)."""
 _LAWS = 4
-"""Places whose law is fitted."""
+"""Number of places whose law is fitted."""
 _LIKELIER = 0.5
-"""Probability that something is missing, from which on it is: more likely than not."""
+"""A part enters if something is missing with more than this probability."""
 _POLISHED, _WITHIN = 3, 60.0
-"""Fits that go on to their end, and how much more than the best one they may leave to be worth it,
-in units of F."""
+"""Number of fits that are carried on to convergence, and how far above the best one F may be."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,35 +53,35 @@ class Step:
     entered: Rival | None
 
 
-def searched(question: Question, *, most: int = MOST_CAUSES, exchange: bool = True) -> Searched:
-    """Ask step by step, until nothing more is likeliest, or for `most` parts.
+def run_search(question: Question, *, most: int = MOST_CAUSES, exchange: bool = True) -> Search:
+    """Take steps until nothing more is likeliest, or `most` parts have entered.
 
-    `exchange`: after each step every part before is asked again. Raises GapError where the model
+    `exchange`: after each step earlier parts may be exchanged. Raises GapError where the model
     cannot replay the runs.
     """
-    search = Searched.begun(question, exchange)
+    search = Search.start(question, exchange)
     done = False
     while not done and len(search.parts) < most:
-        done = search.step().entered is None or question.near(search.final)
+        done = search.step().entered is None or question.at_floor(search.final)
     search.nest()
     if not search.parts and not search.moved:
         search.final = search.configured
     worse = question.gap(search.final) > question.gap(search.parameters)
-    if search.parts and worse and not question.near(search.final):
-        # What leaves more of the judged runs than parameters alone is not told, whatever it is.
+    if search.parts and worse and not question.at_floor(search.final):
+        # Parts that leave a larger gap than parameters alone are not reported.
         search.final, search.moved = search.parameters, True
     return search
 
 
 @dataclass(kw_only=True, eq=False)
-class Searched:
-    """What a search gave, or has so far.
+class Search:
+    """The state of a search, and its result.
 
-    `configured` is the simulator as it was, `parameters` with other values of them and no part,
-    `final` with everything that entered. `moved`: other values of the parameters are among that;
-    they are free from then on, tied before. `changes` are what each effect changes at the `nominal`
-    simulator; `responses` of laws are made once, where they are first asked for. `imitated` are the
-    best effects of the step in which other values of the parameters entered.
+    `configured` is the simulator as it was, `parameters` with fitted parameters and no part,
+    `final` with everything that entered. `moved`: fitted parameters have entered; they are free
+    from then on and tied before. `changes` by effects are at the `nominal` simulator; `responses`
+    of laws are computed when first needed. `imitated_effects` are the best effects of the step in
+    which fitted parameters entered.
     """
 
     question: Question
@@ -96,11 +94,11 @@ class Searched:
     moved: bool
     responses: Responses | None
     exchange: bool
-    imitated: tuple[Rival, ...] = ()
+    imitated_effects: tuple[Rival, ...] = ()
 
     @classmethod
-    def begun(cls, question: Question, exchange: bool) -> Searched:
-        """The simulator as configured and with fitted parameters."""
+    def start(cls, question: Question, exchange: bool) -> Search:
+        """A search before its first step: the parameters are fitted. Raises GapError."""
         e, free = question.evidence, question.model
         tied = free if question.tied is None else free.with_precision(question.tied)
         zero = np.zeros(free.parameters)
@@ -134,58 +132,59 @@ class Searched:
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """What has entered."""
+        """The parts that have entered."""
         return self.final.fit.model.parts if self.final.fit is not None else ()
 
     def step(self) -> Step:
-        """Ask what more there is; what is likeliest enters."""
+        """Fit and compare the rivals beside `final`; the likeliest may enter."""
         question, first = self.question, not self.steps
         same: list[Rival] = [replace(self.final, kind=NOTHING)]
         if first and self.moved:
             same = [self.configured, self.parameters]
-        elif not self.moved and (free := self._freed()) is not None:
+        elif not self.moved and (free := self._with_free_parameters()) is not None:
             same.append(free)
         rivals = [*same, *self._rivals(self.final)]
-        by_rows = first or bool(question.form)
+        by_rows = first or bool(question.form_sd)
         ranked = question.ranked(rivals, by_rows=by_rows)
-        entered = self._entering(ranked)
+        entered = self._choose(ranked)
         if entered is not None and entered.has_part:
-            ended = [self._ended(rival, entered) for rival in same]
+            ended = [self._refit_without_part(rival, entered) for rival in same]
             ranked = question.ranked([*ended, *rivals[len(same) :]], by_rows=by_rows)
-            entered = self._entering(ranked)
+            entered = self._choose(ranked)
         if first and self.moved and entered is None:
-            # Fitted parameters are as likely as true ones: they are told where those configured are
-            # no longer credible.
+            # Fitted parameters are always at least as likely as those configured: they are reported
+            # where those configured are no longer credible.
             configured = sum(r.probability for r in ranked if r.kind == NOTHING)
             credible = configured > 1.0 - shipped().credible_level
-            self.moved = not (credible or question.near(self.configured))
+            self.moved = not (credible or question.at_floor(self.configured))
         if entered is not None:
             self.moved |= entered.kind == PARAMETERS
             effects = sorted((r for r in ranked if r.kind == EFFECT), key=question.log_weight)
-            self.imitated = tuple(effects[-_POLISHED:]) if entered.kind == PARAMETERS else ()
-            self.final = self._exchanged(entered) if self.exchange else entered
+            self.imitated_effects = (
+                tuple(effects[-_POLISHED:]) if entered.kind == PARAMETERS else ()
+            )
+            self.final = self._exchange_parts(entered) if self.exchange else entered
             self._ask_beside()
         self.steps.append(Step(rivals=tuple(ranked), entered=entered))
         return self.steps[-1]
 
     def _ask_beside(self) -> None:
-        """What is asked next counts what is known of the form of the parts, where the simulator was
-        right without them."""
+        """Include the form error of the parts in further questions, if parameters were tied."""
         fitted = self.final.fit
         if self.question.tied is not None and self.parts and fitted is not None:
-            self.question = self.question.after(fitted)
+            self.question = self.question.with_form_of(fitted)
             again = self.question.rival(self.final.kind, self.final.name, fitted)
             self.final = again or self.final
 
-    def _entering(self, ranked: Sequence[Rival]) -> Rival | None:
-        """What enters: the likeliest that brings the judged runs nearer, if more is missing.
+    def _choose(self, ranked: Sequence[Rival]) -> Rival | None:
+        """The rival that enters: the likeliest with a better score, if something is missing.
 
-        Nearer by its score: over all signals together the loudest one would decide. Beside a part,
-        where good runs say where the parameters are, it lessens the gap, too, and what does so is
-        likelier than not. A simulator that surely lacks something may lack several things, between
-        which likelihood is shared: there it is enough to be likelier than nothing more.
+        The score decides, since in the gap over all signals the loudest one would. If parts have
+        entered and good runs tie the parameters, the gap must shrink, too. A simulator that lacks
+        something for certain may lack several things, which share the probability: there a rival
+        need only be likelier than nothing more.
         """
-        same, more = _same(ranked), [r for r in ranked if r.has_part]
+        same, more = _without_new_part(ranked), [r for r in ranked if r.has_part]
         score, sure = self.final.scores.sum(), self.question.incomplete(same)
         nearer = [r for r in more if r.probability > 0.0 and r.scores.sum() > score]
         if self.parts and self.question.tied is not None:
@@ -193,69 +192,71 @@ class Searched:
             more = nearer = [r for r in nearer if self.question.gap(r) < gap]
         missing = sum(r.probability for r in more) > _LIKELIER
         if nearer and (missing or (sure and nearer[0].probability > same[0].probability)):
-            return _named(nearer[0], ranked)
+            return _effect_in_place_of_law(nearer[0], ranked)
         return same[0] if same[0].kind == PARAMETERS and not self.moved else None
 
-    def _ended(self, rival: Rival, beside: Rival) -> Rival:
-        """A rival without a part, fitted once more from the coordinates that it shares with one
-        that has the part, and from its own end where it leaves little more; as it was where that
-        lessens F no further.
+    def _refit_without_part(self, rival: Rival, beside: Rival) -> Rival:
+        """A rival without the part of `beside`, fitted once more from the coordinates that they
+        share, and from its own minimum if F there is little larger; the rival itself if F falls no
+        further.
 
-        What a part takes counts only where the fit without it has ended.
+        The gain of a part counts only against a fit without it that has converged.
         """
         fitted = rival.fit
         if fitted is None or beside.fit is None:
             return rival
-        # Free parameters that were far may have to come far, until something has entered.
+        # Until a part has entered, free parameters may still be far from the minimum.
         near = self.question.tied is not None or bool(self.parts)
         starts = [(beside.fit.x[: len(fitted.x)], near)]
         if fitted.objective < beside.fit.objective + _WITHIN:
             starts.append((fitted.x, True))
-        best, least = rival, fitted.objective
+        best, least_objective = rival, fitted.objective
         for x, near in starts:
-            base = rebased(self.question.evidence, replace(fitted, x=x, slopes=fitted.slopes[:0]))
+            base = reference_of(
+                self.question.evidence, replace(fitted, x=x, slopes=fitted.slopes[:0])
+            )
             refitted = base and self.question.fitted(rival.kind, rival.name, base, near=near)
-            if refitted and refitted.fit and refitted.fit.objective < least:
-                best, least = refitted, refitted.fit.objective
+            if refitted and refitted.fit and refitted.fit.objective < least_objective:
+                best, least_objective = refitted, refitted.fit.objective
         if rival.fit is self.parameters.fit:
             self.parameters = best
         if rival.fit is self.final.fit:
             self.final = replace(best, kind=self.final.kind, name=self.final.name)
         return best
 
-    def _freed(self) -> Rival | None:
-        """What has entered so far, with free parameters."""
+    def _with_free_parameters(self) -> Rival | None:
+        """The parts that have entered, fitted again with free parameters."""
         fitted = self.final.fit
         if fitted is None or not self.parts:
             return self.parameters
-        base = rebased(self.question.evidence, fitted)
+        base = reference_of(self.question.evidence, fitted)
         free = fitted.model.with_precision(self.question.model.parameter_precision)
         if base is None:
             return None
         return self.question.fitted(PARAMETERS, PARAMETERS, replace(base, model=free))
 
-    def _exchanged(self, current: Rival) -> Rival:
-        """The model with each part before its last asked again, the others kept."""
+    def _exchange_parts(self, current: Rival) -> Rival:
+        """The model with each part before its last exchanged for a better one, the others kept."""
         question = self.question
         count = len(current.fit.model.parts) if current.fit is not None else 0
         for i in range(count - 1):
             fitted = current.fit
-            if fitted is None or question.near(current):
+            if fitted is None or question.at_floor(current):
                 break
             part, name = fitted.model.parts[i], fitted.model.parts[i].name
             others = [k for k in range(count) if k != i]
             without = self._without(fitted, others)
-            base = None if without is None else rebased(question.evidence, without)
+            base = None if without is None else reference_of(question.evidence, without)
             if without is None or base is None:
                 continue
-            candidates = self._screened(base)
+            candidates = self._screen(base)
             gain = max((s.gain for s in candidates if s.part.name == name), default=0.0)
             if not part.has_strength:
                 # What is there or not promises nothing in a linear picture, but has been fitted.
                 gain = without.objective - fitted.objective
             fits = _Fits(question, without=np.inf)
             better = [s for s in candidates if s.gain > gain]
-            for effect, start in started(question.evidence, base, better):
+            for effect, start in best_starts(question.evidence, base, better):
                 fits.begin(EFFECT, base, effect, np.r_[base.x, start])
             # The part that is asked is the last one of each rival.
             incumbent = replace(current, kind=EFFECT, name=name, fit=fitted.of_parts([*others, i]))
@@ -275,8 +276,8 @@ class Searched:
         return [k for k, s in enumerate(self.steps) if s.entered and s.entered.has_part]
 
     def nest(self) -> None:
-        """Let each step but the last enter the first parts of the final model: after an exchange
-        they are fitted anew, without those that entered later."""
+        """Fit the parts of each step but the last again, where an exchange has changed them: every
+        step then enters the first parts of the final model."""
         e, fitted = self.question.evidence, self.final.fit
         names = [part.name for part in self.parts]
         for count, k in enumerate(self._of_parts()[:-1], start=1):
@@ -285,25 +286,25 @@ class Searched:
             assert entered is not None
             if entered.fit and [p.name for p in entered.fit.model.parts] == names[:count]:
                 continue
-            base = rebased(e, fitted.of_parts(range(count)))
+            base = reference_of(e, fitted.of_parts(range(count)))
             refitted = base and self.question.fitted(entered.kind, entered.name, base, near=True)
             self.steps[k] = replace(self.steps[k], entered=refitted or entered)
 
     def _without(self, fitted: Fit, order: Sequence[int]) -> Fit | None:
-        """The model with some of its parts alone, fitted anew."""
+        """The model with only the parts in `order`, fitted again."""
         e, fewer = self.question.evidence, fitted.of_parts(order)
-        # So that no other fit takes slopes for its own that were measured with all parts.
-        base = rebased(e, replace(fewer, linearized_at=fitted.linearized_at))
+        # Slopes that were measured with all parts must not be reused by another fit.
+        base = reference_of(e, replace(fewer, linearized_at=fitted.linearized_at))
         return fit(e, base.model, base.x, base) if base else None
 
-    def _screened(self, reference: Reference) -> list[Screened]:
-        """The most promising effects that a reference does not have, the best first."""
+    def _screen(self, reference: Reference) -> list[Screened]:
+        """The most promising effects that a reference lacks, the best first."""
         present = {part.name for part in reference.model.parts}
         changes = [c for c in self.changes if c.effect.name not in present]
-        return worth_a_fit(screened(self.question.evidence, reference, changes))
+        return worth_a_fit(screen(self.question.evidence, reference, changes))
 
     def _rivals(self, current: Rival) -> list[Rival]:
-        """Effects and laws beside what a model has, each fitted and scored."""
+        """Effects and laws beside the parts of a rival, each fitted and scored."""
         question, e = self.question, self.question.evidence
         fitted = current.fit
         # Many fits begin with these slopes.
@@ -314,34 +315,35 @@ class Searched:
         fits = _Fits(question, without=without)
         references = [base]
         if self.moved and not self.parts:
-            # Where the parameters have moved to imitate an effect it is hidden.
+            # Parameters that have moved to imitate an effect hide it.
             references.append(replace(self.nominal, model=base.model))
         for reference in references:
-            for effect, start in started(e, reference, self._screened(reference)):
+            for effect, start in best_starts(e, reference, self._screen(reference)):
                 fits.begin(EFFECT, reference, effect, np.r_[reference.x, start])
-        for part, start in chain(_halfway(self.imitated, base), self._as_before(base)):
+        for part, start in chain(
+            _halfway_starts(self.imitated_effects, base), self._starts_of_last_step(base)
+        ):
             fits.begin(EFFECT, base, part, start)
         rivals = fits.rivals()
         best = max(rivals, key=lambda r: r.scores.sum(), default=None)
-        if best is not None and question.near(best):
+        if best is not None and question.at_floor(best):
             return rivals
         question.say("laws of the places")
         if self.responses is None:
             plant, point = base.model.plant, base.model.point(base.x)
             self.responses = responses(plant, point, e.played, progress=question.say)
         present = {part.name for part in base.model.parts}
-        laws = _Fits(question, without=without, least=fits.least)
+        laws = _Fits(question, without=without, least_objective=fits.least_objective)
         for law, start in selected_laws(e, base, self.responses)[:_LAWS]:
             if law.name not in present:
                 laws.begin(LAW, base, law, np.r_[base.x, start])
         return rivals + laws.rivals()
 
-    def _as_before(self, base: Reference) -> Iterator[tuple[EffectPart, Array]]:
-        """The effects of the step before, each to begin where it ended there, if it leaves less so
-        than the model without it.
+    def _starts_of_last_step(self, base: Reference) -> Iterator[tuple[EffectPart, Array]]:
+        """Effects of the last step with the coordinates of their fits there, if F falls by that.
 
-        Where the parameters have moved beside a part to imitate a second effect it is hidden; where
-        they stood beside that effect it is not.
+        Parameters that have moved beside a part to imitate a second effect hide that effect; those
+        that were fitted beside it do not.
         """
         if not self.steps:
             return
@@ -358,18 +360,20 @@ class Searched:
                 yield part, x
 
 
-def _same(ranked: Sequence[Rival]) -> list[Rival]:
-    """The rivals without a part more, the likeliest first."""
+def _without_new_part(ranked: Sequence[Rival]) -> list[Rival]:
+    """The rivals without a new part, the likeliest first."""
     return [r for r in ranked if not r.has_part]
 
 
-def _halfway(imitated: Sequence[Rival], base: Reference) -> Iterator[tuple[EffectPart, Array]]:
-    """Effects that other values of the parameters imitate, and where to begin: half of each.
+def _halfway_starts(
+    imitated_effects: Sequence[Rival], base: Reference
+) -> Iterator[tuple[EffectPart, Array]]:
+    """Effects that moved parameters imitate, with starts half way between the two explanations.
 
-    Without those that were fitted beside other parts than the `base` has after an exchange.
+    Those that were fitted beside other parts than those of `base` are left out.
     """
     k, present = len(base.x), [part.name for part in base.model.parts]
-    for rival in imitated:
+    for rival in imitated_effects:
         if rival.fit is not None:
             *beside, part = rival.fit.model.parts
             if isinstance(part, EffectPart) and [p.name for p in beside] == present:
@@ -377,8 +381,8 @@ def _halfway(imitated: Sequence[Rival], base: Reference) -> Iterator[tuple[Effec
                 yield part, np.r_[0.5 * (base.x + x[:k]), part.weaker(x[k:], 0.5)]
 
 
-def _named(rival: Rival, ranked: Sequence[Rival]) -> Rival:
-    """The rival, or in place of a law the likeliest effect there that leaves no more."""
+def _effect_in_place_of_law(rival: Rival, ranked: Sequence[Rival]) -> Rival:
+    """The rival, or in place of a law the likeliest effect there whose score is as good."""
     if rival.kind != LAW:
         return rival
     effects = (r for r in ranked if r.kind == EFFECT and set(r.places) & set(rival.places))
@@ -387,29 +391,29 @@ def _named(rival: Rival, ranked: Sequence[Rival]) -> Rival:
 
 @dataclass(eq=False)
 class _Fits:
-    """Fits that compete: a few rounds for all, the best go on to their end.
+    """Competing fits: a few rounds for all, the best are carried on to convergence.
 
-    `without` is the gap of the simulator without them, `least` the least F of a fit so far;
-    `by_name` has the kind and the fit of each name.
+    `without` is the gap of the simulator without a new part, `least_objective` the smallest F so
+    far; `by_name` has the kind and the fit of each name.
     """
 
     question: Question
     without: float
-    least: float = np.inf
+    least_objective: float = np.inf
     by_name: dict[str, tuple[str, Fit]] = field(default_factory=dict)
 
     def begin(self, kind: str, reference: Reference, part: Part, start: Array) -> None:
-        """A few rounds of a part beside a reference; the better of two of one name stays."""
+        """Fit a part beside a reference for a few rounds; keep the better fit of a name."""
         e, before = self.question.evidence, reference.model.parts
         self.question.say(f"fitting {part.name}")
         model = reference.model.with_parts([*before, part])
         if isinstance(part, EffectPart) and averages_hide(e, reference, model, start):
-            model = model.with_parts([*before, replace(part, quick=True)])
+            model = model.with_parts([*before, replace(part, needs_exact=True)])
         fitted = fit(e, model, start, reference, enough=NAT)
         earlier = self.by_name.get(part.name)
         if fitted and (earlier is None or fitted.objective < earlier[1].objective):
             self.by_name[part.name] = kind, fitted
-            self.least = min(self.least, fitted.objective)
+            self.least_objective = min(self.least_objective, fitted.objective)
 
     def rivals(self) -> list[Rival]:
         """The fits as rivals."""
@@ -417,26 +421,26 @@ class _Fits:
         best = sorted(self.by_name, key=lambda name: (self.by_name[name][1].objective, name))
         for name in best[:_POLISHED]:
             kind, fitted = self.by_name[name]
-            if fitted.objective < self.least + _WITHIN:
+            if fitted.objective < self.least_objective + _WITHIN:
                 near.append(name)
                 fitted = polished(question.evidence, fitted)
                 self.by_name[name] = kind, fitted
-                self.least = min(self.least, fitted.objective)
+                self.least_objective = min(self.least_objective, fitted.objective)
         scored = {name: question.rival(kind, name, f) for name, (kind, f) in self.by_name.items()}
-        # Where good runs say where the parameters are, all fits have the prior that scores prefer.
+        # Where good runs tie the parameters, all fits have the tempered prior already.
         for name in near if question.tied is None else ():
             kind, fitted = self.by_name[name]
-            scored[name] = self._steadied(scored[name], kind, name, fitted)
+            scored[name] = self._likelier_refit(scored[name], kind, name, fitted)
         return [r for r in scored.values() if r is not None]
 
-    def _steadied(self, rival: Rival | None, kind: str, name: str, fitted: Fit) -> Rival | None:
-        """The rival, or the same with the prior that the score prefers if that is likelier, and a
-        cause as well.
-
-        What leaves more than the simulator without a part explains nothing.
+    def _likelier_refit(
+        self, rival: Rival | None, kind: str, name: str, fitted: Fit
+    ) -> Rival | None:
+        """The rival, or its refit with the tempered prior if that is likelier and explains
+        something, that is, leaves a smaller gap than the simulator without a part.
         """
         question = self.question
-        steady = question.steadied(kind, name, fitted)
+        steady = question.refit_with_tempered_prior(kind, name, fitted)
         if rival is None or steady is None:
             return rival or steady
         likelier = question.log_weight(steady) >= question.log_weight(rival)

@@ -1,9 +1,9 @@
-"""How well the coordinates of a fit are known.
+"""The covariance of a fit's coordinates.
 
-A fit is content with slopes that are 2 % off. Where several parameters do nearly the same, such an
-error would pass for rows that tell them apart. So slopes are made anew, as central differences of
-exact replays, and the less certain of the two answers counts, since errors only ever add to what
-rows seem to say. Nor is a value known better than it scatters from one part of the data to another.
+A fit may use slopes that are 2 % off. Where parameters are nearly collinear, such an error looks
+like information that tells them apart. So slopes are computed again as central differences of exact
+replays, and of the two estimates the larger variance counts. No variance is below that of the
+jackknife over the folds.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, weights
 from smad.diagnosis.rivals.fit import Fit, leave_out, replayed
 
 _STEPS = (0.3, -0.3, 0.6, -0.6)
-"""Shares of a fit's steps, of which the first two within bounds are taken. With whole steps the
+"""Shares of a finite-difference step; the first two within bounds are used. With whole steps the
 tube diameter of a simulated bench was 3.7 standard deviations off, with these 2.1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Precision:
-    """Covariances of fits that are not far from where the slopes of the parameters were made.
+    """Covariances of fits near the point where the `parameter_slopes` (p, n) were computed.
 
-    `parameter_slopes` are (p, n), `covariances` those of the fits that were asked for.
+    `covariances` holds those of the fits asked for so far.
     """
 
     evidence: Evidence
@@ -36,15 +36,15 @@ class Precision:
 
     @classmethod
     def at(cls, evidence: Evidence, fitted: Fit) -> Precision:
-        """With slopes made at the coordinates of a fit."""
+        """With slopes computed at the coordinates of a fit."""
         slopes = _central_slopes(evidence, fitted, range(fitted.model.parameters))
         return cls(evidence=evidence, parameter_slopes=slopes)
 
     def covariance(self, fitted: Fit) -> Array:
         """Covariance (k, k) of a fit's coordinates.
 
-        Rows count as in the fit, or as less where what it leaves is correlated for longer. No
-        standard deviation is less than by the slopes of the fit, or the jackknife's of the folds.
+        Rows are weighted as in the fit, or less where its residual is correlated for longer. No
+        variance is below that by the slopes of the fit, or of the jackknife.
         """
         if fitted not in self.covariances:
             self.covariances[fitted] = self._covariance(fitted)
@@ -64,17 +64,15 @@ class Precision:
 
 def _inverse_curvature(evidence: Evidence, fitted: Fit, slopes: Array) -> Array:
     """Inverse of half the second derivatives of F, (k, k), with these slopes (k, n)."""
-    tau = np.maximum(CORRELATED, evidence.correlation_rows(fitted.left))
-    J = evidence.weighted(weights(evidence, fitted.left, tau=tau))(slopes)
-    _, precision = replace(fitted.model, rows_as_one=1.0).prior
+    tau = np.maximum(CORRELATED, evidence.correlation_rows(fitted.residual))
+    J = evidence.whitening(weights(evidence, fitted.residual, tau=tau))(slopes)
+    _, precision = replace(fitted.model, prior_weight=1.0).prior
     return np.asarray(np.linalg.inv(J @ J.T + precision + RIDGE * np.eye(len(precision))))
 
 
 def _central_slopes(evidence: Evidence, fitted: Fit, which: Sequence[int]) -> Array:
-    """Rows of what the coordinates `which` change, for a unit of each, (len(which), n).
-
-    Extrapolated from two steps to none. A coordinate that the model cannot move by two has zeros.
-    """
+    """Derivatives of the rows by the coordinates `which`, (len(which), n), extrapolated from two
+    steps to step 0; zeros where the model fails at either."""
     model, x = fitted.model, fitted.x
     (low, high), steps = model.bounds, model.steps(x)
     out = np.zeros((len(which), len(evidence.run_of_row)))

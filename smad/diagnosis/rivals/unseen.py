@@ -1,7 +1,7 @@
-"""What these runs would not have shown: the strength from which an effect would be told.
+"""Detection limits: the least strength at which these runs would have shown each effect.
 
-An effect of strength s adds s²·a_c to the mean square of channel c, with the parameters open beside
-it. It would be told once that costs a model without it as much of the score as the effect's prior.
+An effect of strength s adds s²·a_c to the mean square of channel c, with the parameters
+marginalised. It is detected once that costs a model without it as much score as the effect's prior.
 """
 
 from __future__ import annotations
@@ -10,33 +10,33 @@ import numpy as np
 
 from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.evidence import without_drifts
-from smad.diagnosis.rivals.fit import rebased
+from smad.diagnosis.rivals.fit import reference_of
 from smad.diagnosis.rivals.score import log_scores
-from smad.diagnosis.rivals.screening import variances_beside
-from smad.diagnosis.rivals.search import Searched
+from smad.diagnosis.rivals.screening import marginal_variances
+from smad.diagnosis.rivals.search import Search
 from smad.units import in_words
 
 _RANGE = (1e-6, 1e6)
 
 
-def unseen_strengths(search: Searched) -> list[str]:
-    """Each effect with the strength that would have been told, those least seen first."""
+def unseen_strengths(search: Search) -> list[str]:
+    """Each absent effect with its detection limit in words, the largest limit first."""
     question, fit = search.question, search.final.fit
     e = question.evidence
-    reference = search.nominal if fit is None else rebased(e, fit)
+    reference = search.nominal if fit is None else reference_of(e, fit)
     if reference is None:
         return []
     present = {part.name for part in reference.model.parts}
-    v = e.variances(without_drifts(e, e.left(reference.exact)))
+    v = e.variances(without_drifts(e, e.residual(reference.exact)))
     runs = len(question.judged.trials)
-    needed = question.temper.nothing - question.temper.each_effect(len(question.effects))
+    needed = question.constants.nothing - question.constants.each_effect(len(question.effects))
     of_score = 2.0 * needed / (question.independent_rows * runs)
     absent = [(c, q) for c in search.changes if c.effect.name not in present and (q := c.typical)]
     rows: list[tuple[float, str]] = []
-    added_by = variances_beside(e, reference)
+    added_by = marginal_variances(e, reference)
     for change, q in absent:
         added = added_by(change.rows.astype(np.float64))
-        size = _strength(v, added, of_score, e.least)
+        size = _strength(v, added, of_score, e.least_square)
         strength = size * abs(q.typical)
         below = f"less than {strength:.2g} {in_words(q.unit)}".rstrip()
         words = below if strength < q.high else "any strength"
@@ -44,16 +44,17 @@ def unseen_strengths(search: Searched) -> list[str]:
     return [text for _, text in sorted(rows, reverse=True)]
 
 
-def _strength(v: Array, added: Array, needed: float, least: float) -> float:
-    """How many times a change is needed, s, for v_c + s² a_c to cost `needed` of the score of v."""
-
+def _strength(v: Array, added: Array, needed: float, least_square: float) -> float:
+    """The factor s at which the score of v_c + s² a_c is `needed` below that of v_c, (channels,)
+    each; infinite where none up to the end of `_RANGE` suffices.
+    """
     from scipy.optimize import brentq
 
     once = np.ones((1, len(v)))
 
     def short(log_s: float) -> float:
         both = v + np.exp(2.0 * log_s) * added
-        of_v, of_both = (log_scores(x[None], once, least)[0] for x in (v, both))
+        of_v, of_both = (log_scores(x[None], once, least_square)[0] for x in (v, both))
         return float(of_v - of_both) - max(needed, 1e-3)
 
     low, high = np.log(_RANGE[0]), np.log(_RANGE[1])

@@ -1,7 +1,4 @@
-"""The spring pair as a plant of the diagnosis: an adapter of `sim_device.plant`.
-
-It is a plant like anyone's; the engine knows none of it.
-"""
+"""The spring pair as a plant of the diagnosis: an adapter of `sim_device.plant`."""
 
 from smad.diagnosis.spring_pair.pair import SmaPlant
 from smad.diagnosis.spring_pair.signals import read_gap_run

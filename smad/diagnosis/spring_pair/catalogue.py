@@ -1,7 +1,7 @@
 """Safe experiments on the spring pair, as timelines of controller commands.
 
-Two uses: the next-experiment stage chooses among `CATALOGUE`, and `ROUTINE` makes varied everyday
-runs for tests, controls and benchmarks. Every timeline stays within the host's limits: at most 4 A,
+`smad gap next` chooses among `CATALOGUE`; `ROUTINE` are varied everyday runs for tests and
+benchmarks. Every timeline stays within the host's limits: at most 4 A,
 springs below 65 °C in the model, ±9 mm.
 """
 
@@ -38,7 +38,7 @@ Part = tuple[float, ModeCommand]
 
 @dataclass(frozen=True, slots=True)
 class Timeline:
-    """One experiment: what it separates is in the title.
+    """One experiment; its title says what it separates.
 
     `make` draws commands that follow each other from `start_s` on, idle after the last.
     """
@@ -50,7 +50,7 @@ class Timeline:
     start_s: float = REST_S
 
     def commands(self, seed: int) -> list[tuple[float, ModeCommand]]:
-        """Times, s, and the commands then, in their order; `seed` draws what is random."""
+        """Start time in s and command, in order; `seed` draws what is random."""
         out, t_s = list[tuple[float, ModeCommand]](), self.start_s
         for duration_s, command in self.make(np.random.default_rng([seed, *self.name.encode()])):
             out.append((t_s, command))

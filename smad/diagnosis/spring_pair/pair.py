@@ -98,12 +98,12 @@ class SmaPlant:
 
     @cached_property
     def given_points(self) -> Recent[ModelPoint, GivenPoint]:
-        """What the latest points give to every run: enough for those replayed together."""
+        """Prepared model points, enough for those that are replayed together."""
         return Recent(_POINTS)
 
     @cached_property
     def given_runs(self) -> Recent[GapRun, GivenRun]:
-        """What the latest runs give to every point: enough for all of a diagnosis."""
+        """Prepared runs, enough for all of a diagnosis."""
         return Recent(_RUNS)
 
     @property
@@ -234,10 +234,10 @@ class SmaPlant:
         return self.parameter_set.replace(**self._mountable(values))
 
     def _mountable(self, values: dict[str, float]) -> dict[str, float]:
-        """The values with the preload moved, if need be, to one that the pair can be mounted with.
+        """The values with the preload clipped to one that the pair can be mounted with.
 
-        Eq. (10) must give a martensite fraction from 0 to 1. A fit that leans on that edge would
-        otherwise be stopped there in every direction.
+        Eq. (10) must give a martensite fraction from 0 to 1. Without clipping a fit at that limit
+        could move in no direction.
         """
         names = ("modulus_martensite", "max_deflection", "initial_deflection", "initial_force")
         modulus, reach, slack, force = (values.get(n, self.parameter_set[n]) for n in names)
@@ -330,7 +330,7 @@ class SmaPlant:
         return ModelPoint(theta, model.effects, model.laws)
 
     def acting(self, point: ModelPoint) -> dict[str, dict[str, float]]:
-        """Effects of a point, with what its parameters say of the two sides."""
+        """Effects of a point, with its uneven flow as an effect."""
         effects = self.within(point.effects)
         flow = point.theta.get("side_flow", 0.0)
         if flow != 0.0:

@@ -1,7 +1,7 @@
 """Replays of a recorded run by a model point of the spring pair.
 
-A fit replays a run thousands of times, and a point on every run: what depends on one of the two
-only is worked out once (`GivenRun`, `GivenPoint`), and kept for as long as it is likely asked for.
+A fit replays a run thousands of times, and a point on every run. What depends on the run or the
+point alone is computed once (`GivenRun`, `GivenPoint`) and cached.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from smad.diagnosis.spring_pair.steps import LONGEST_STEP_S, STEP_S, Steps
 _OPTIONS = {"fixture": "antagonistic", "cooling": "water"}
 _FAST_STEP_S = 1e-2
 _RETRIES = (1.0, 0.1, 0.03)
-"""Shares of the step: on a kink of the kinetics the kernel may find no solution in one of them."""
+"""Shares of the step to try: at a kink of the kinetics the kernel may find no solution."""
 _READINGS = ("rtd_x_degC", "rtd_y_degC", "displacement_m", "force_N")
 _OUTPUTS = ("i_x_A", "i_y_A", "v_x_V", "v_y_V", "rtd_inlet_degC", "rtd_ambient_degC", *_READINGS)
 
@@ -37,11 +37,10 @@ _Made = TypeVar("_Made")
 
 
 class Recent(Generic[_Source, _Made]):
-    """What was made of the latest `most` sources, found by the identity of the source.
+    """A cache of what was made of the latest `most` sources, by identity.
 
-    A source is kept beside what was made of it, so that no other object takes its identity. It must
-    not change. Several threads may ask: at worst two make the same thing. A copy sent elsewhere
-    begins empty.
+    A source must not change; it is kept, so that no other object gets its identity. Threads may
+    make the same thing twice at worst. A pickled copy is empty.
     """
 
     def __init__(self, most: int) -> None:
@@ -55,7 +54,7 @@ class Recent(Generic[_Source, _Made]):
         return type(self), (self._most,)
 
     def of(self, source: _Source, make: Callable[[], _Made]) -> _Made:
-        """What was made of `source`; made now if it is not kept."""
+        """What was made of `source`, made now if it is not cached."""
         entry = self._made.get(id(source))
         if entry is not None and entry[0] is source:
             return entry[1]
@@ -68,7 +67,7 @@ class Recent(Generic[_Source, _Made]):
 
 
 class PointReader(Protocol):
-    """What the values of a model point mean on the spring pair (see `SmaPlant`)."""
+    """How the spring pair reads a model point (see `SmaPlant`)."""
 
     @property
     def parameter_set(self) -> ParameterSet: ...
@@ -97,7 +96,7 @@ class GivenPoint:
 
 
 class GivenRun:
-    """What is recorded of a run, as replays take it."""
+    """A recorded run as replays take it."""
 
     def __init__(self, run: GapRun) -> None:
         self.run = run
@@ -114,7 +113,7 @@ class GivenRun:
         return inputs.surrounded(inlet_K, ambient_K, point.root["y"])
 
     def steps(self, forcing: Forcing) -> Steps:
-        """In what steps the kernel replays the run under a forcing."""
+        """The kernel's steps for the run under a forcing."""
         return Steps.of(self.recorded, list(forcing.values())) if forcing else self._unforced
 
     @cached_property
@@ -122,7 +121,7 @@ class GivenRun:
         return Steps.of(self.recorded)
 
     def _around(self, point: GivenPoint, name: str, channel: str) -> float:
-        """Temperature of water or room in K, as a parameter and the channel of its RTD say it."""
+        """Temperature of water or room in K, from a parameter and its RTD's channel."""
         value = point.parameters[name]
         if channel not in self._began:
             return value
@@ -155,8 +154,8 @@ class OneReplay:
     def forced(self, forcing: Forcing) -> dict[str, Array]:
         """Channels under a forcing, (n,) each, under the names and in the units of the run log.
 
-        A spring of another resistance is run with a current that makes its heat, and shows the
-        current and the voltage that belong to that.
+        A spring of another resistance is simulated with a current that gives the same heat; current
+        and voltage are converted back.
         """
         point, result = self.point, self._solved(forcing)
         out = {f"i_meas_{s}_A": result[f"i_{s}_A"] / point.root[s] for s in "xy"}

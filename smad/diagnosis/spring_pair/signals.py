@@ -91,9 +91,9 @@ def smooth(y: Array, dt_s: float, tau_s: float) -> Array:
 
 
 def means_over_pieces(run: GapRun, y: Array) -> Array:
-    """Values at the ends of a thinned run's samples, made means over them as measured ones are.
+    """Means over a thinned run's samples of values at their ends, taken as linear between.
 
-    Linear in between; in a run that is not thinned nothing changes.
+    Unchanged in a run that is not thinned.
     """
     back = 0.5 - 0.5 / run.pieces[1:]
     out = y.copy()
@@ -121,7 +121,7 @@ def _speed(run: GapRun) -> Array:
 
 
 def _warmth(run: GapRun, side: str) -> Array:
-    """Temperature of a spring over its water, as far as it is measured."""
+    """Measured temperature of a spring above its water; 0 without a reading."""
     name = f"rtd_{side}_degC"
     if name not in run.outputs:
         return np.zeros(len(run.t_s))
@@ -193,9 +193,8 @@ def run_from_columns(
 def _table_run(path: Path, together: Together | None, mapping: MappingFile | None) -> GapRun:
     """A table made elsewhere (`smad.records.channels`) as a run of the diagnosis.
 
-    Rows with a `valid` of 0 are not valid, and what was read in them is no more to be fed to a
-    model than to be compared with it. A run without other rows keeps its channels: its admission
-    refuses it, and wants to see them.
+    Readings in rows with a `valid` of 0 are NaN: they must neither be compared with a model nor
+    start it. A run without other rows keeps them for its admission, which refuses it.
     """
     name = path.name.split(".")[0]
     table = read_channels(path, together, mapping)

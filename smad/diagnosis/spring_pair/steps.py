@@ -1,9 +1,8 @@
-"""Steps: where the kernel stops in the replay of a recorded run.
+"""The time steps of the kernel in the replay of a recorded run.
 
-Between two samples with the same inputs nothing happens that a reading must be taken of. So steps
-are short after an input has changed, as long as a sample while a current flows, since the
-resistance follows the transformation, and longer than several samples while nothing is driven. In
-between readings run straight.
+Steps are short after an input has changed; as long as a sample while a current flows, since the
+resistance follows the transformation; and longer than several samples while nothing is driven.
+Readings between them are interpolated.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ class Steps:
         other = np.r_[True, (driven[1:] != driven[:-1]).any(axis=1)]
         longest = np.where(rows[:, 0:2].any(axis=1), _DRIVEN_STEP_S, _IDLE_STEP_S)
         longest[t_s - _latest(begins, other) <= _SETTLING_S] = STEP_S
-        # What jumps with an input has done so by the end of its first sample.
+        # Jumps with an input are over by the end of its first sample.
         fresh = other | np.r_[True, other[:-1] | (longest[1:] != longest[:-1])]
         number = np.ceil((t_s - _latest(begins, fresh)) / longest - _MORE)
         last = np.flatnonzero(np.r_[(number[1:] != number[:-1]) | fresh[1:], True])
@@ -97,5 +96,5 @@ class Steps:
 
 
 def _latest(times: Array, where: np.ndarray) -> Array:
-    """The latest of increasing times up to each, of those `where` it is true."""
+    """For each of increasing times the latest so far at which `where` is true."""
     return np.maximum.accumulate(np.where(where, times, -np.inf))

@@ -16,7 +16,7 @@ from smad.records.tables import left_out
 from smad.records.units import Written
 from smad.simulators.asking import diagnose
 from smad.simulators.columns import Table, span_of, tables_of
-from smad.simulators.declare import Simulator, unit_of_value
+from smad.simulators.declare import PRIOR_OF_RANGE, Simulator, unit_of_value
 from smad.simulators.errors import SimulatorError
 from smad.simulators.mjcf.library import (
     joint_effects,
@@ -32,8 +32,6 @@ from smad.simulators.mjcf.parts import number_of
 from smad.simulators.mjcf.saving import save
 from smad.simulators.planning import Plan, plan
 from smad.units import alternatives, convertible, spelt, units_for
-
-_PRIOR_OF_RANGE = 1.0 / 6.0
 
 
 def diagnose_mjcf(
@@ -176,7 +174,7 @@ def _parameter(replay: MujocoModel, name: str, row: ParameterRow) -> Parameter:
             limit=f"{row.low:g} to {row.high:g}",
             action="give nominal, or another range, in the map",
         )
-    prior = row.prior_sd or _PRIOR_OF_RANGE * (row.high - row.low)
+    prior = row.prior_sd or PRIOR_OF_RANGE * (row.high - row.low)
     unit, named = replay.unit_of_field(name), unit_in(name)
     unit_of_value(name)
     if named and unit in units_for(named) and named != unit:

@@ -19,7 +19,7 @@ from smad.checkup.check import check_files, checked_files
 from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError, ProgrammeError
 from smad.checkup.files import RunFile, read_file, read_folder, require_other_recordings
-from smad.checkup.judge import Judged, judged
+from smad.checkup.judge import Judgement, judge_runs
 from smad.checkup.programme import (
     Programme,
     ProgrammeRun,
@@ -50,7 +50,7 @@ def reference() -> GoodRuns:
 
 
 def checked(plant: SmaPlant, reference: GoodRuns, runs: list[tuple[GapRun, str]]) -> Verdict:
-    return judged(plant, reference, runs).verdict
+    return judge_runs(plant, reference, runs).verdict
 
 
 def named(verdict: Verdict) -> list[str]:
@@ -71,12 +71,12 @@ def stored(reference: GoodRuns, tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 
 @pytest.fixture(scope="module")
-def quiet(reference: GoodRuns) -> Judged:
-    return judged(PLANT, reference, [(played(10), "short")])
+def quiet(reference: GoodRuns) -> Judgement:
+    return judge_runs(PLANT, reference, [(played(10), "short")])
 
 
 def test_a_bench_without_a_change_is_quiet_and_says_what_it_would_not_have_shown(
-    quiet: Judged,
+    quiet: Judgement,
 ) -> None:
     verdict = quiet.verdict
     assert verdict.outcome == "quiet"
@@ -106,9 +106,11 @@ def test_the_budget_goes_down_to_the_floor(reference: GoodRuns) -> None:
     assert force.final < 2.0 * force.floor
 
 
-def test_the_page_shows_rivals_values_and_what_is_told(reference: GoodRuns, quiet: Judged) -> None:
+def test_the_page_shows_rivals_values_and_what_is_told(
+    reference: GoodRuns, quiet: Judgement
+) -> None:
     now = played(20, LAG)
-    found = judged(PLANT, reference, [(now, "short")])
+    found = judge_runs(PLANT, reference, [(now, "short")])
     page = render(page_of(found, facts=[("baseline", "somewhere")]))
     for words in (
         "changed at the reading of the RTD", "rtd_lag", "parameters alone", "tau_s",
@@ -170,7 +172,7 @@ CUT = run_of(
 
 
 def test_a_current_that_was_cut_off_is_carried_over(reference: GoodRuns) -> None:
-    found = judged(PLANT, reference, [(played(21, what=CUT), "short")])
+    found = judge_runs(PLANT, reference, [(played(21, what=CUT), "short")])
     assert found.pairs.pairs[0].carried
     assert found.verdict.outcome in ("quiet", "parameters")
 

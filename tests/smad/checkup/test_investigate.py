@@ -12,13 +12,13 @@ from evaluation.programme.segments import run_of
 from sim_device.plant.laws import Factor, Law, Term
 from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError
-from smad.checkup.inquiry import Inquiry, Report
-from smad.checkup.investigate import propose, unpaired_offers
-from smad.checkup.judge import Judged, judged
+from smad.checkup.investigation import Investigation, Report
+from smad.checkup.judge import Judgement, judge_runs
 from smad.checkup.programme import Programme, ProgrammeRun
+from smad.checkup.proposal import propose, unpaired_offers
 from smad.checkup.series import Recorded
 from smad.diagnosis.answer import gaps_on
-from smad.diagnosis.paired.difference import paired
+from smad.diagnosis.paired.difference import pair_runs
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import EffectValues
@@ -51,9 +51,9 @@ def reference() -> GoodRuns:
 
 
 @pytest.fixture(scope="module")
-def lagging(reference: GoodRuns) -> Judged:
+def lagging(reference: GoodRuns) -> Judgement:
     """A check-up of the run that shows little, on a bench with a lag."""
-    return judged(PLANT, reference, [(played(40, LAG, what=STILL), "still")])
+    return judge_runs(PLANT, reference, [(played(40, LAG, what=STILL), "still")])
 
 
 def law(place: str, side: str, slope: float, state: str = "current") -> Law:
@@ -66,7 +66,7 @@ LAG_LIKE, FORCE_LIKE = law("reading_rtd", "x", 1.0), law("reading_force", "both"
 SMALL = law("reading_force", "both", 1e-4)
 
 
-def undecided(found: Judged, *laws: Law) -> Judged:
+def undecided(found: Judgement, *laws: Law) -> Judgement:
     """The check-up with a cause told, and these laws between which nothing is decided."""
     cause = Cause(
         kind="law",
@@ -94,7 +94,7 @@ def undecided(found: Judged, *laws: Law) -> Judged:
         made = Fit(
             model=model,
             x=np.zeros(model.parameters),
-            left=none,
+            residual=none,
             slopes=none,
             linearized_at=np.zeros(model.parameters),
             objective=0.0,
@@ -107,7 +107,7 @@ def undecided(found: Judged, *laws: Law) -> Judged:
     return replace(found, verdict=verdict, alternatives=tuple(rivals))
 
 
-def test_the_run_that_tells_rivals_apart_is_proposed_with_the_reason(lagging: Judged) -> None:
+def test_the_run_that_tells_rivals_apart_is_proposed_with_the_reason(lagging: Judgement) -> None:
     found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), COSTS, 600.0)
     assert found.run == "short"
     assert found.staying == ("reading_rtd 0", "reading_force 1")
@@ -117,7 +117,7 @@ def test_the_run_that_tells_rivals_apart_is_proposed_with_the_reason(lagging: Ju
 
 @pytest.mark.parametrize("outcome", ["quiet", "unexplained", "parameters"])
 def test_nothing_is_settled_without_a_cause_before_every_run_was_played(
-    lagging: Judged, outcome: str
+    lagging: Judgement, outcome: str
 ) -> None:
     nowhere = msgspec.structs.replace(lagging.verdict, outcome=outcome, causes=[])
     unplaced = replace(lagging, verdict=nowhere)
@@ -127,21 +127,21 @@ def test_nothing_is_settled_without_a_cause_before_every_run_was_played(
     assert propose(unplaced, COSTS, 30.0).run is None
 
 
-def test_one_rival_that_no_other_is_near_is_settled(lagging: Judged) -> None:
+def test_one_rival_that_no_other_is_near_is_settled(lagging: Judgement) -> None:
     found = propose(undecided(lagging, LAG_LIKE), COSTS, 600.0)
     assert found.run is None
     assert not found.staying
     assert found.why == "settled: reading_rtd; no other rival is near"
 
 
-def test_rivals_that_predict_the_same_are_not_played_for(lagging: Judged) -> None:
+def test_rivals_that_predict_the_same_are_not_played_for(lagging: Judgement) -> None:
     found = propose(undecided(lagging, SMALL, SMALL), COSTS, 600.0)
     assert found.run is None
     assert found.staying
     assert "no remaining run separates" in found.why
 
 
-def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(lagging: Judged) -> None:
+def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(lagging: Judgement) -> None:
     found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), COSTS, 30.0)
     assert found.run is None
     assert "the time is spent: short would separate" in found.why
@@ -149,14 +149,16 @@ def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(lagging: Ju
 
 def test_a_run_is_played_once_whatever_stays(reference: GoodRuns) -> None:
     runs = [(played(40 + k, LAG, what=run), run.name) for k, run in enumerate(PROGRAMME.runs)]
-    found = propose(undecided(judged(PLANT, reference, runs), LAG_LIKE, FORCE_LIKE), COSTS, 600.0)
+    found = propose(
+        undecided(judge_runs(PLANT, reference, runs), LAG_LIKE, FORCE_LIKE), COSTS, 600.0
+    )
     assert found.run is None
     assert found.staying
     assert found.why.startswith("every run of the baseline was played")
 
 
 def test_a_run_that_the_baseline_lacks_is_offered_by_what_the_model_expects(
-    lagging: Judged,
+    lagging: Judgement,
 ) -> None:
     other = replace(SHORT, name="other")
     programme = Programme("short", "three runs", (*PROGRAMME.runs, other))
@@ -181,7 +183,7 @@ def inquiry(
     *,
     fails_at: int = 0,
     trips_at: int = 0,
-) -> Inquiry:
+) -> Investigation:
     """An investigation of a simulated bench with effects.
 
     The run number `fails_at` is lost, that of number `trips_at` is ended by a fault.
@@ -197,7 +199,7 @@ def inquiry(
         write_log(log, played(60 + k, effects, what=run))
         return Recorded(log, "it tripped" if k == trips_at else "", took_s=60.0)
 
-    return Inquiry(
+    return Investigation(
         plant=PLANT,
         reference=reference,
         programme=PROGRAMME,
@@ -228,8 +230,8 @@ def test_an_investigation_names_the_cause_proves_it_and_writes_the_model(
 
 def test_a_model_that_was_found_on_more_runs_than_prove_it_is_proved(reference: GoodRuns) -> None:
     runs = [(played(70 + k, GAIN, what=run), run.name) for k, run in enumerate(PROGRAMME.runs)]
-    answer = judged(PLANT, reference, runs)
-    pairs = paired(with_places(PLANT), reference, [(played(72, GAIN, what=SHORT), "short")])
+    answer = judge_runs(PLANT, reference, runs)
+    pairs = pair_runs(with_places(PLANT), reference, [(played(72, GAIN, what=SHORT), "short")])
     gap = next(s for s in gaps_on(answer, pairs.evidence()) if s.signal == "i_meas_x_A")
     assert gap.raw > 5.0 * gap.floor
     assert gap.final < 2.0 * gap.floor

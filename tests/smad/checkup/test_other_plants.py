@@ -3,7 +3,7 @@
 import pytest
 
 from smad.checkup.commission import commissioned
-from smad.checkup.judge import judged
+from smad.checkup.judge import judge_runs
 from smad.diagnosis import Verdict
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.plant import EffectValues
@@ -31,7 +31,7 @@ def reference() -> GoodRuns:
 
 def checked(reference: GoodRuns, day: int, effects: EffectValues | None = None) -> Verdict:
     runs = [(run, run.name) for run in played(day, effects)]
-    return judged(HeaterPlant(), reference, runs).verdict
+    return judge_runs(HeaterPlant(), reference, runs).verdict
 
 
 def test_a_heater_as_it_was_is_quiet(reference: GoodRuns) -> None:

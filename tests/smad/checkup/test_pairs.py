@@ -4,7 +4,7 @@ import numpy as np
 
 from smad.checkup.commission import commissioned
 from smad.checkup.programme import shipped
-from smad.diagnosis.paired.difference import paired
+from smad.diagnosis.paired.difference import pair_runs
 from smad.diagnosis.paired.good import least_sd
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint
@@ -23,7 +23,7 @@ STEADY = dict.fromkeys(("tube_loss", "flow_max", "film_scale"), 1.0)
 def test_other_parameters_in_other_water_leave_nothing_once_they_are_in_the_simulator() -> None:
     reference = commissioned(PLANT, [[played(s, moved=STEADY, what=RUN) for s in (1, 2, 3)]])
     now = played(10, water_degC=24.0, moved=STEADY | MOVED, what=RUN)
-    pairs = paired(with_places(PLANT), reference, [(now, RUN.name)])
+    pairs = pair_runs(with_places(PLANT), reference, [(now, RUN.name)])
     (trial,) = pairs.evidence().trials
     model = free_model(pairs.plant, reference.point)
     theta = dict(reference.point.theta)

@@ -37,7 +37,7 @@ REQUESTS = st.fixed_dictionaries(
 )
 
 
-def judged(answer: Call | bytes | None) -> Any:
+def judge_runs(answer: Call | bytes | None) -> Any:
     if answer is None or isinstance(answer, Call):
         return answer
     reply = json.loads(answer)
@@ -50,16 +50,16 @@ def judged(answer: Call | bytes | None) -> Any:
 @settings(deadline=None, max_examples=400, derandomize=True)
 @given(st.binary(max_size=300))
 def test_any_bytes_give_an_answer(data: bytes) -> None:
-    judged(ALL.decode(data))
-    judged(STOPS.decode(data))
+    judge_runs(ALL.decode(data))
+    judge_runs(STOPS.decode(data))
 
 
 @settings(deadline=None, max_examples=600, derandomize=True)
 @given(JSON | REQUESTS)
 def test_any_json_gives_an_answer(value: Any) -> None:
     data = json.dumps(value).encode()
-    judged(ALL.decode(data))
-    judged(STOPS.decode(data))
+    judge_runs(ALL.decode(data))
+    judge_runs(STOPS.decode(data))
 
 
 def test_a_valid_request_becomes_a_typed_call() -> None:
@@ -86,7 +86,7 @@ def test_a_request_without_an_id_wants_no_reply() -> None:
 
 def code_of(text: str) -> Any:
     """The id and the code of the error reply to a message."""
-    reply = judged(ALL.decode(text.encode()))
+    reply = judge_runs(ALL.decode(text.encode()))
     return reply["id"], reply["error"]["code"]
 
 
@@ -168,7 +168,7 @@ def test_a_request_whose_id_is_null_wants_a_reply() -> None:
 )
 def test_a_name_given_twice_is_refused(text: str, call_id: int | None) -> None:
     assert code_of(text) == (call_id, -32600)
-    assert "twice" in judged(ALL.decode(text.encode()))["error"]["message"]
+    assert "twice" in judge_runs(ALL.decode(text.encode()))["error"]["message"]
 
 
 def test_the_same_name_in_two_objects_is_no_name_given_twice() -> None:
@@ -188,21 +188,21 @@ def test_a_message_that_is_too_long_is_told_its_size_and_the_limit() -> None:
     fits = text.ljust(api.LARGEST_MESSAGE)
     assert isinstance(ALL.decode(fits), Call)
     for decoder in (ALL, STOPS):
-        error = judged(decoder.decode(fits + b" "))["error"]
+        error = judge_runs(decoder.decode(fits + b" "))["error"]
         assert error["code"] == -32600
         assert error["data"]["value"] == "65537 bytes"
         assert error["data"]["limit"] == "65536 bytes"
 
 
 def test_the_reply_to_a_refused_request_carries_its_id_code_and_value() -> None:
-    reply = judged(ALL.decode(b'{"id":"a","method":"record.note","params":{"text":""}}'))
+    reply = judge_runs(ALL.decode(b'{"id":"a","method":"record.note","params":{"text":""}}'))
     assert reply["id"] == "a"
     assert reply["error"]["code"] == -32602
     assert reply["error"]["data"]["value"] == ""
 
 
 def test_the_stop_channel_takes_stops_only() -> None:
-    reply = judged(STOPS.decode(b'{"id":1,"method":"arm"}'))
+    reply = judge_runs(STOPS.decode(b'{"id":1,"method":"arm"}'))
     assert "stop commands only" in reply["error"]["message"]
     assert "disarm" in reply["error"]["data"]["limit"]
     assert isinstance(STOPS.decode(b'{"id":1,"method":"estop"}'), Call)
@@ -211,16 +211,16 @@ def test_the_stop_channel_takes_stops_only() -> None:
 def test_nan_and_infinity_are_refused_as_json_and_as_numbers() -> None:
     for text in ("NaN", "Infinity", "1e999"):
         data = f'{{"id":1,"method":"params.set","params":{{"name":"a","value":{text}}}}}'
-        assert judged(ALL.decode(data.encode()))["error"]["code"] in (-32700, -32602)
+        assert judge_runs(ALL.decode(data.encode()))["error"]["code"] in (-32700, -32602)
 
 
 def test_deep_nesting_is_refused() -> None:
-    judged(ALL.decode(b"[" * 60_000))
-    judged(ALL.decode(b'{"method":"move","params":' + b'{"a":' * 10_000))
+    judge_runs(ALL.decode(b"[" * 60_000))
+    judge_runs(ALL.decode(b'{"method":"move","params":' + b'{"a":' * 10_000))
 
 
 def test_a_batch_is_refused_with_a_hint() -> None:
-    assert "not a batch" in judged(ALL.decode(b'[{"method":"status"}]'))["error"]["message"]
+    assert "not a batch" in judge_runs(ALL.decode(b'[{"method":"status"}]'))["error"]["message"]
 
 
 def test_replies_are_json_whatever_value_was_refused() -> None:

@@ -17,7 +17,7 @@ from smad.diagnosis.rivals.evidence import recorded_evidence
 from smad.diagnosis.rivals.parts import EffectPart
 from smad.diagnosis.rivals.rival import Rival, question_of
 from smad.diagnosis.rivals.score import EFFECT, NOTHING
-from smad.diagnosis.rivals.search import Searched
+from smad.diagnosis.rivals.search import Search
 from smad.diagnosis.verdict import DIFFERS, QUIET, UNEXPLAINED
 from smad.progress import silent
 from tests.smad.diagnosis.cases import GAIN, OTHER, bank, strong
@@ -46,14 +46,14 @@ def test_a_law_that_an_effect_replaces_stays_a_law_and_tables_say_what_they_are_
     start, floors = nominal_point(plant), estimate_floors(runs, plant, PERIOD_S)
     evidence = recorded_evidence(plant, runs, floors, PERIOD_S, start)
     question = question_of(plant, start, evidence, effects=plant.effects, say=silent)
-    search = Searched.begun(question, exchange=False)
+    search = Search.start(question, exchange=False)
     library = search.changes
     # The effect becomes known once a law stands in its place.
     for names in ((), ("coupling",)):
         search.changes = tuple(c for c in library if c.effect.name in names)
         search.step()
     search.changes = library
-    search.final = search._exchanged(search.final)
+    search.final = search._exchange_parts(search.final)
     search.nest()
     verdict = answer_of(search, question=DIFFERS).verdict
     gain, other = verdict.causes

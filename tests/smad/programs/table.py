@@ -16,7 +16,7 @@ import smad.checkup.check
 import smad.checkup.store
 import smad.client
 from sim_device.plant.models import built_in
-from smad.checkup.inquiry import Inquiry
+from smad.checkup.investigation import Investigation
 from smad.checkup.programme import shipped
 from smad.checkup.store import Baseline
 from smad.cli import root
@@ -133,7 +133,7 @@ def _against_a_baseline(*words: str) -> Callable[[Path], str]:
             patch.setattr(RecordedInputs, "require_bench", lambda self, uid, bench: None)
             # A run that tripped is judged as far as it goes; there is nothing to judge it by here.
             patch.setattr(smad.checkup.check, "judged", _judged)
-            patch.setattr(Inquiry, "_judged", _judged)
+            patch.setattr(Investigation, "_judged", _judged)
             return _cli(*words)(folder)
 
     return program

@@ -602,9 +602,9 @@ def test_what_a_window_begins_from_is_free_by_what_the_readings_may_be_off_by() 
     evidence = recorded_evidence(plant, [run], np.array([5e-3 / np.sqrt(10.0)]), 0.1, point)
     (played,) = evidence.played
     shown = np.stack([plant.simulate(point, played.run)["x_m"]])
-    left = evidence.left([np.ascontiguousarray(played.means(shown)).T])
+    left = evidence.residual([np.ascontiguousarray(played.means(shown)).T])
     assert np.mean(left**2) > 20.0
-    assert np.mean(evidence.freed(left, evidence.valid) ** 2) < 1.5
+    assert np.mean(evidence.less_drifts(left, evidence.valid) ** 2) < 1.5
 
 
 def test_windows_that_are_too_short_or_do_not_begin_from_readings_are_refused() -> None:

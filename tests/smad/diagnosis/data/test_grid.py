@@ -10,7 +10,13 @@ import pytest
 
 from smad.arrays import Array
 from smad.diagnosis.data.admission import admit, row_of_admitted_s
-from smad.diagnosis.data.grid import MOST_ROWS, PERIOD_S, Grid, correlation_time_s, row_length_s
+from smad.diagnosis.data.grid import (
+    MOST_ROWS,
+    PERIOD_S,
+    Grid,
+    row_length_s,
+    usual_correlation_time_s,
+)
 from smad.diagnosis.runs import GapRun
 from tests.smad.diagnosis.heater_plant import HeaterPlant, recorded
 
@@ -28,7 +34,7 @@ def finer(run: GapRun) -> GapRun:
 @pytest.mark.parametrize("family", ["random", "sines"])
 def test_a_row_is_a_tenth_of_the_correlation_time_in_whole_samples(family: str) -> None:
     runs = [finer(recorded(family, seed, duration_s=60.0)) for seed in (1, 2)]
-    usual = correlation_time_s(runs, HeaterPlant())
+    usual = usual_correlation_time_s(runs, HeaterPlant())
     assert usual is not None
     row_s = row_length_s(runs, HeaterPlant())
     assert row_s == pytest.approx(usual / 10.0, abs=runs[0].dt_s)
@@ -55,7 +61,7 @@ def slowed(run: GapRun, factor: float) -> GapRun:
 @pytest.mark.parametrize("factor", [10.0, 100.0, 0.1])
 def test_rows_go_with_the_time_scale(factor: float) -> None:
     runs = [slowed(finer(recorded("random", 1, duration_s=60.0)), factor)]
-    usual = correlation_time_s(runs, HeaterPlant())
+    usual = usual_correlation_time_s(runs, HeaterPlant())
     assert usual is not None
     assert row_length_s(runs, HeaterPlant()) == pytest.approx(usual / 10.0, abs=runs[0].dt_s)
 
@@ -126,7 +132,7 @@ def test_noise_and_channels_that_stand_still_say_nothing_of_a_time_scale() -> No
     flat = {k: np.zeros(len(run.t_s)) for k in run.outputs}
     plant = HeaterPlant()
     for outputs in (noise, flat, {k: v * np.nan for k, v in flat.items()}):
-        assert correlation_time_s([run.with_columns(outputs=outputs)], plant) is None
+        assert usual_correlation_time_s([run.with_columns(outputs=outputs)], plant) is None
     assert row_length_s([], plant) == PERIOD_S
     one = run.with_columns(outputs={**noise, "temp_l_degC": run.outputs["temp_l_degC"]})
-    assert correlation_time_s([one], plant) > 1.0
+    assert usual_correlation_time_s([one], plant) > 1.0

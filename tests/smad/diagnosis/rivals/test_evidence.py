@@ -12,7 +12,7 @@ from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.rivals.evidence import (
     Evidence,
     Trial,
-    form_of,
+    form_sd_of,
     weights,
     with_drifts,
     without_drifts,
@@ -25,14 +25,14 @@ def test_the_form_of_a_change_is_known_to_the_share_of_it_that_is_left() -> None
     rng = np.random.default_rng(7)
     change = np.abs(rng.normal(10.0, 3.0, (BINS, CHANNELS)))
     change[:, 2] = 0.0
-    left = FLOOR * rng.normal(size=change.shape)
-    left[:, 0] += 0.3 * change[:, 0] * rng.normal(size=BINS)
+    residual = FLOOR * rng.normal(size=change.shape)
+    residual[:, 0] += 0.3 * change[:, 0] * rng.normal(size=BINS)
     valid = np.ones(change.shape, dtype=bool)
     # What is far off and does not count.
-    left[:50, 1], valid[:50, 1] = 40.0, False
+    residual[:50, 1], valid[:50, 1] = 40.0, False
     rows = RunRows.of(np.full(CHANNELS, FLOOR), valid)
-    trial = Trial(played=cast(Any, SimpleNamespace()), target=left, rows=rows)
-    (known,) = form_of(Evidence(trials=(trial,)), [np.zeros_like(left)], [change])
+    trial = Trial(played=cast(Any, SimpleNamespace()), target=residual, rows=rows)
+    (known,) = form_sd_of(Evidence(trials=(trial,)), [np.zeros_like(residual)], [change])
     assert known[:, 0] == pytest.approx(0.3 * change[:, 0])
     assert known[:, 1] == pytest.approx(0.0, abs=0.06 * change[:, 1].max())
     assert not known[:, 2].any()
@@ -42,8 +42,8 @@ def test_rows_that_are_less_known_count_less() -> None:
     rows = RunRows.of(np.full(1, 3.0), np.ones((4, 1), dtype=bool))
     trial = Trial(played=cast(Any, SimpleNamespace()), target=np.full((4, 1), 10.0), rows=rows)
     unknown = np.array([[0.0], [0.0], [4.0], [4.0]])
-    left = Evidence(trials=(trial.less_known(unknown),)).left([np.zeros((4, 1))])
-    assert left == pytest.approx([10 / 3, 10 / 3, 2.0, 2.0])
+    residual = Evidence(trials=(trial.with_added_sd(unknown),)).residual([np.zeros((4, 1))])
+    assert residual == pytest.approx([10 / 3, 10 / 3, 2.0, 2.0])
 
 
 @pytest.mark.parametrize("sizes", [0.0, 1.0, 2.0, 3.0])
@@ -53,9 +53,9 @@ def test_a_drift_of_several_times_the_usual_size_is_taken_off(sizes: float) -> N
     rows = RunRows.of(np.ones(1), np.ones((BINS, 1), dtype=bool), day)
     trial = Trial(played=cast(Any, SimpleNamespace()), target=noise + sizes * day[0], rows=rows)
     evidence = Evidence(trials=(trial,))
-    left = without_drifts(evidence, evidence.left([np.zeros((BINS, 1))]))
-    assert np.sqrt(np.mean(left**2)) == pytest.approx(np.sqrt(np.mean(noise**2)), rel=0.02)
-    assert weights(evidence, left) == pytest.approx(1.0 / (32.0 * np.ones(BINS)), rel=0.1)
+    residual = without_drifts(evidence, evidence.residual([np.zeros((BINS, 1))]))
+    assert np.sqrt(np.mean(residual**2)) == pytest.approx(np.sqrt(np.mean(noise**2)), rel=0.02)
+    assert weights(evidence, residual) == pytest.approx(1.0 / (32.0 * np.ones(BINS)), rel=0.1)
 
 
 def test_a_prediction_is_drawn_with_the_drift_that_is_taken_off_in_its_gap() -> None:
@@ -71,8 +71,8 @@ def test_a_prediction_is_drawn_with_the_drift_that_is_taken_off_in_its_gap() -> 
     drawn, as_it_was = with_drifts(evidence, [predicted, predicted])
     assert drawn == pytest.approx(predicted + drift, abs=0.1 * FLOOR)
     assert (as_it_was == predicted).all()
-    left = without_drifts(evidence, evidence.left([predicted, predicted]))
-    assert evidence.left([drawn, as_it_was]) == pytest.approx(left, abs=0.01)
+    residual = without_drifts(evidence, evidence.residual([predicted, predicted]))
+    assert evidence.residual([drawn, as_it_was]) == pytest.approx(residual, abs=0.01)
 
 
 def test_a_channel_that_no_run_has_is_not_counted() -> None:

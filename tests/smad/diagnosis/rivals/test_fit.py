@@ -40,8 +40,8 @@ def by_replay(evidence: Evidence, reference: Reference, x: Array) -> float:
     model = reference.model
     predicted = replayed(evidence, model.point(x), model, exact=True)
     assert predicted is not None
-    rows = evidence.left(predicted)
-    rows = evidence.freed(rows, weights(evidence, rows))
+    rows = evidence.residual(predicted)
+    rows = evidence.less_drifts(rows, weights(evidence, rows))
     return objective(evidence, model, x, rows)
 
 
@@ -56,7 +56,7 @@ def test_a_fit_that_has_ended_is_lower_by_exact_replays_and_says_how_low(
     begun = Fit(
         model=model,
         x=start,
-        left=evidence.left(here.exact),
+        residual=evidence.residual(here.exact),
         slopes=here.slopes.astype(np.float32),
         linearized_at=here.linearized_at,
         objective=np.inf,

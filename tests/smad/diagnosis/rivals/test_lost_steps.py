@@ -15,7 +15,7 @@ from smad.diagnosis.rivals.evidence import recorded_evidence, without_drifts
 from tests.smad.diagnosis.heater_plant import HeaterPlant, recorded
 
 
-def left(lost: slice) -> tuple[float, float, int]:
+def residual(lost: slice) -> tuple[float, float, int]:
     """RMS in floors of a healthy run that lost samples at each step of its heater, as it is and
     with what is left open; and of how many steps that is."""
     plant = with_places(HeaterPlant())
@@ -31,22 +31,24 @@ def left(lost: slice) -> tuple[float, float, int]:
     floors = np.array([0.02, 0.02, 0.01, 0.01, 0.1])
     point = nominal_point(plant)
     evidence = recorded_evidence(plant, [used], floors, 1.0, point)
-    rows = evidence.left(predictions(plant, point, [t.played for t in evidence.trials], exact=True))
+    rows = evidence.residual(
+        predictions(plant, point, [t.played for t in evidence.trials], exact=True)
+    )
     valid = evidence.valid > 0.0
-    freed = without_drifts(evidence, rows)
-    rms = [float(np.sqrt(np.mean(r[valid] ** 2))) for r in (rows, freed)]
-    return rms[0], rms[1], len(evidence.wandering[0])
+    less_drifts = without_drifts(evidence, rows)
+    rms = [float(np.sqrt(np.mean(r[valid] ** 2))) for r in (rows, less_drifts)]
+    return rms[0], rms[1], len(evidence.drift_directions[0])
 
 
 @pytest.mark.parametrize("lost", [slice(0, 1), slice(-1, 0)])
 def test_a_step_that_was_lost_is_no_gap_whichever_of_its_samples_is(lost: slice) -> None:
-    halfway, freed, steps = left(lost)
-    of_whole_run, *_ = left(slice(0, 0))
+    halfway, less_drifts, steps = residual(lost)
+    of_whole_run, *_ = residual(slice(0, 0))
     assert steps > 2
     assert halfway > 1.5 * of_whole_run
-    assert freed < 1.15 * of_whole_run
+    assert less_drifts < 1.15 * of_whole_run
 
 
 def test_a_run_that_lost_no_step_has_nothing_left_open() -> None:
-    _, _, steps = left(slice(0, 0))
+    _, _, steps = residual(slice(0, 0))
     assert steps == 0

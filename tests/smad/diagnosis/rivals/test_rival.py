@@ -42,7 +42,7 @@ def test_what_wanders_is_judged_alike_in_stretches_and_in_whole_runs(
     assert base is not None
     fitted = asked.fitted("parameters", "parameters", base)
     assert fitted is not None
-    assert asked.near(fitted)
+    assert asked.at_floor(fitted)
     ambient = [c.name for c in PLANT.channels].index("rtd_ambient_degC")
-    left = np.sqrt(fitted.squares[:, ambient] / evidence.counts[:, ambient])
-    assert (left < 1.1).all()
+    residual = np.sqrt(fitted.squares[:, ambient] / evidence.counts[:, ambient])
+    assert (residual < 1.1).all()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smad.diagnosis.constants import Constants, shipped
-from smad.diagnosis.rivals.rival import temper_of
+from smad.diagnosis.rivals.rival import tempered_constants
 from smad.diagnosis.rivals.score import (
     EFFECT,
     LAW,
@@ -140,7 +140,10 @@ def test_of_two_effects_the_better_one_is_not_sure_however_many_runs_there_are()
 
 
 def test_few_signals_say_as_much_together_as_many() -> None:
-    ten, one = temper_of(shipped(), free=True), temper_of(shipped(), free=True, channels=1)
+    ten, one = (
+        tempered_constants(shipped(), free=True),
+        tempered_constants(shipped(), free=True, channels=1),
+    )
     assert one.evidence == pytest.approx(10.0 * ten.evidence)
 
 

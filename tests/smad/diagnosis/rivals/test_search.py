@@ -15,7 +15,7 @@ from smad.diagnosis.rivals.parts import EffectPart, Model
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, NOTHING, PARAMETERS
 from smad.diagnosis.rivals.screening import worth_a_fit
-from smad.diagnosis.rivals.search import Searched, _Fits, _halfway
+from smad.diagnosis.rivals.search import Search, _Fits, _halfway_starts
 from smad.diagnosis.spring_pair import SmaPlant
 
 
@@ -51,7 +51,7 @@ class Steady:
     def log_weight(self, rival: Leaving) -> float:
         return float(rival.floors == self.floors)
 
-    def steadied(self, *_: object) -> Leaving:
+    def refit_with_tempered_prior(self, *_: object) -> Leaving:
         return Leaving(self.floors)
 
     def gap(self, rival: Leaving) -> float:
@@ -63,7 +63,7 @@ def test_a_fit_is_steadied_only_where_the_part_then_explains_something(
     steady: float, taken: float
 ) -> None:
     fits = _Fits(cast(Any, Steady(steady)), without=15.0)
-    made = fits._steadied(cast(Any, Leaving(10.0)), "law", "law:input", cast(Any, None))
+    made = fits._likelier_refit(cast(Any, Leaving(10.0)), "law", "law:input", cast(Any, None))
     assert cast(Any, made).floors == taken
 
 
@@ -78,7 +78,7 @@ def test_a_fit_is_steadied_only_where_the_part_then_explains_something(
 def test_a_simulator_that_leaves_more_than_nothing_new_leaves_is_refuted_by_one_that_does_not(
     form_share: float, effect: float, refuted: list[bool]
 ) -> None:
-    question = SimpleNamespace(gap=floors_left, quiet_gap=1.35, form_share=form_share, form=())
+    question = SimpleNamespace(gap=floors_left, quiet_gap=1.35, form_share=form_share, form_sd=())
     rivals = [
         leaving(NOTHING, 1.5),
         leaving(EFFECT, effect),
@@ -87,19 +87,21 @@ def test_a_simulator_that_leaves_more_than_nothing_new_leaves_is_refuted_by_one_
 
 
 def test_a_part_that_is_nearly_right_is_refuted_only_where_floors_hold_an_error_of_form() -> None:
-    left = [leaving(EFFECT, 1.5), leaving(NOTHING, 0.9)]
+    residual = [leaving(EFFECT, 1.5), leaving(NOTHING, 0.9)]
     for form_share, refuted in ((0.0, False), (0.9, True)):
-        question = SimpleNamespace(gap=floors_left, quiet_gap=1.35, form_share=form_share, form=())
-        first, _ = Question.refuted(cast(Any, question), cast(Any, left))
+        question = SimpleNamespace(
+            gap=floors_left, quiet_gap=1.35, form_share=form_share, form_sd=()
+        )
+        first, _ = Question.refuted(cast(Any, question), cast(Any, residual))
         assert first is refuted
 
 
 def test_a_simulator_that_a_part_has_entered_is_not_refuted_by_what_its_form_leaves() -> None:
-    left = [leaving(NOTHING, 1.5), leaving(EFFECT, 0.9)]
+    residual = [leaving(NOTHING, 1.5), leaving(EFFECT, 0.9)]
     question = SimpleNamespace(
-        gap=floors_left, quiet_gap=1.35, form_share=0.0, form=("of one run",)
+        gap=floors_left, quiet_gap=1.35, form_share=0.0, form_sd=("of one run",)
     )
-    assert Question.refuted(cast(Any, question), cast(Any, left)) == [False, False]
+    assert Question.refuted(cast(Any, question), cast(Any, residual)) == [False, False]
 
 
 @pytest.mark.parametrize(
@@ -137,7 +139,7 @@ def test_where_several_things_are_missing_one_enters_that_is_likelier_than_none_
         parts=("cooling_front",),
         moved=True,
     )
-    entered = Searched._entering(cast(Any, search), [likeliest, other, nothing])
+    entered = Search._choose(cast(Any, search), [likeliest, other, nothing])
     assert entered is (likeliest if enters else None)
 
 
@@ -151,7 +153,7 @@ def test_with_free_parameters_enters_what_scores_better_though_a_loud_signal_is_
         parts=("unified_kinetics",),
         moved=True,
     )
-    assert Searched._entering(cast(Any, search), [likeliest, nothing]) is likeliest
+    assert Search._choose(cast(Any, search), [likeliest, nothing]) is likeliest
 
 
 def test_an_effect_that_is_there_or_not_is_fitted_whatever_a_linear_picture_promises() -> None:
@@ -176,7 +178,7 @@ def test_a_fit_keeps_its_coordinates_where_its_parts_change_places() -> None:
     fitted = Fit(
         model=model,
         x=x,
-        left=np.zeros(4),
+        residual=np.zeros(4),
         slopes=np.outer(x, np.ones(4)),
         linearized_at=-x,
         objective=7.0,
@@ -196,18 +198,18 @@ def test_an_imitated_effect_begins_halfway_unless_it_was_fitted_beside_other_par
     creep = SimpleNamespace(name="force_creep")
     base = SimpleNamespace(x=np.array([1.0, 4.0]), model=SimpleNamespace(parts=(creep,)))
 
-    def imitated(*parts: Any, x: list[float]) -> Any:
+    def imitated_effects(*parts: Any, x: list[float]) -> Any:
         return SimpleNamespace(
             fit=SimpleNamespace(model=SimpleNamespace(parts=parts), x=np.array(x))
         )
 
     size = lag.size
     rivals = [
-        imitated(creep, lag, x=[3.0, 2.0, *[8.0] * size]),
-        imitated(gain, lag, x=[3.0, 2.0, *[1.0] * gain.size, *[8.0] * size]),
+        imitated_effects(creep, lag, x=[3.0, 2.0, *[8.0] * size]),
+        imitated_effects(gain, lag, x=[3.0, 2.0, *[1.0] * gain.size, *[8.0] * size]),
         SimpleNamespace(fit=None),
     ]
-    ((part, start),) = _halfway(cast(Any, rivals), cast(Any, base))
+    ((part, start),) = _halfway_starts(cast(Any, rivals), cast(Any, base))
     assert part is lag
     assert start[:2].tolist() == [2.0, 3.0]
     assert start[2:].tolist() == lag.weaker(np.full(size, 8.0), 0.5).tolist()
@@ -243,5 +245,5 @@ def test_beside_a_cause_an_effect_begins_as_it_was_fitted_without_it_where_it_le
         return leaves if [part.name for part in model.parts] == [lag.name, gain.name] else 1200.0
 
     monkeypatch.setattr(searching, "objective_at", objective_at)
-    begun = [x.tolist() for _, x in Searched._as_before(cast(Any, search), cast(Any, base))]
+    begun = [x.tolist() for _, x in Search._starts_of_last_step(cast(Any, search), cast(Any, base))]
     assert begun == [[0.1, 0.2, *[0.6] * lag.size, *[0.06] * gain.size]] * begins

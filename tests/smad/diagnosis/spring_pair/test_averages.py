@@ -59,8 +59,8 @@ def test_a_lag_of_milliseconds_is_found_by_exact_replays_and_not_by_averages(
     evidence: Evidence, reference: Reference
 ) -> None:
     found = []
-    for quick in (False, True):
-        part = replace(LAG, quick=quick)
+    for needs_exact in (False, True):
+        part = replace(LAG, needs_exact=needs_exact)
         model = reference.model.with_parts([part])
         start = np.r_[reference.x, part.coordinates({"tau_s": 2.0 * LAG_S, "y_share": 1.0})]
         made = fit(evidence, model, start, reference)

@@ -40,9 +40,9 @@ def most_left(name: str, kind: str, rate_hz: float, **given: float) -> float:
     point = ModelPoint(nominal_point(PLANT).theta, {name: values})
     run = recorded(kind, PLANT, point, 5, noise=False, duration_s=DURATION_S, rate_hz=rate_hz)
     evidence = recorded_evidence(PLANT, [run], floors(), PERIOD_S, nominal_point(PLANT))
-    left = evidence.left(predictions(PLANT, point, evidence.played, exact=True))
+    residual = evidence.residual(predictions(PLANT, point, evidence.played, exact=True))
     # Water and room begin where the first second has them; a slope within it is left open.
-    return float(np.sqrt(evidence.variances(evidence.freed(left, evidence.valid)).max()))
+    return float(np.sqrt(evidence.variances(evidence.less_drifts(residual, evidence.valid)).max()))
 
 
 @pytest.mark.parametrize("name", sorted(EFFECTS))

@@ -1,7 +1,6 @@
-"""The loop of an investigation: play, judge, play what separates best, until it is settled.
+"""The loop of an investigation: play, judge, play the run that separates best, until settled.
 
-Every run is kept under its number, so that an investigation that was interrupted goes on from what
-it has.
+Every run is kept under its number, so that an interrupted investigation can continue.
 """
 
 from __future__ import annotations
@@ -14,13 +13,13 @@ import msgspec
 
 from smad.checkup.errors import BaselineError
 from smad.checkup.files import read_file
-from smad.checkup.investigate import Proposal, propose, unpaired_offers
-from smad.checkup.judge import Judged, judged
+from smad.checkup.judge import Judgement, judge_runs
 from smad.checkup.programme import Programme, ProgrammeRun
+from smad.checkup.proposal import Proposal, propose, unpaired_offers
 from smad.checkup.series import Play, keep, newest_open, write_whole
 from smad.counted import counted
 from smad.diagnosis.answer import gaps_on
-from smad.diagnosis.paired.difference import paired
+from smad.diagnosis.paired.difference import pair_runs
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.spring_pair import SmaPlant
@@ -29,7 +28,7 @@ from smad.errors import refused_by_system
 from smad.progress import Say
 
 REST_S = 60.0
-"""What the rest before a run takes at least, until one has been measured."""
+"""Assumed rest before a run, until one has been measured."""
 
 
 class Record(msgspec.Struct, frozen=True):
@@ -45,10 +44,10 @@ class Record(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """`investigation.json`: what was played and why, and what came of it.
+    """`investigation.json`: the runs, why each was played, and the result.
 
-    `proof` is the budget over the runs that were held out, with the strengths fitted to the others;
-    `offers` the runs that the baseline lacks, with the separation that the model expects of them.
+    `proof` is the budget over held-out runs by the model fitted to the others; `offers` are runs
+    that the baseline lacks, with their modelled separation.
     """
 
     records: list[Record]
@@ -81,11 +80,9 @@ def open_folder(folder: Path) -> Path:
 
 
 @dataclass
-class Inquiry:
-    """An investigation in a folder.
-
-    It begins with the quick runs of the programme, and ends with them, held out as proof.
-    """
+class Investigation:
+    """An investigation in a folder: it begins with the quick runs of the programme, and plays them
+    again at the end, held out as proof."""
 
     plant: SmaPlant
     reference: GoodRuns
@@ -157,32 +154,34 @@ class Inquiry:
 
     def _judged(
         self, report: Report, quick: Sequence[ProgrammeRun], progress: Say
-    ) -> tuple[Judged, Proposal]:
+    ) -> tuple[Judgement, Proposal]:
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if not r.held_out]
-        judgement = judged(self.plant, self.reference, runs, progress=progress)
+        judgement = judge_runs(self.plant, self.reference, runs, progress=progress)
         costs = self._costs_s(report)
         reserved = sum(costs[run.name] for run in quick)
         left_s = self.seconds - self.spent_s(report) - reserved
         return judgement, propose(judgement, costs, left_s)
 
     def _costs_s(self, report: Report) -> dict[str, float]:
-        """What each run takes: its length, and the longest rest so far."""
+        """Time for each run: its duration and the longest rest so far."""
         lengths = {run.name: run.duration_s for run in self.programme.runs}
         rests = [r.took_s - lengths[r.run] for r in report.records if not r.ended]
         rest = max(rests, default=REST_S)
         return {r.name: lengths[r.name] + rest for r in self.reference.runs}
 
-    def _proved(self, report: Report, quick: Sequence[ProgrammeRun], judgement: Judged) -> Report:
-        """The check-up once more, held out: what the model made before leaves of it."""
+    def _proved(
+        self, report: Report, quick: Sequence[ProgrammeRun], judgement: Judgement
+    ) -> Report:
+        """The report with the quick runs played again, and the gap of the model on them."""
         for run in quick[sum(r.held_out for r in report.records) :]:
             report = self._played(report, run, "for proof", held_out=True)
             if report.records[-1].ended:
                 break
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
-        pairs = paired(with_places(self.plant), self.reference, runs)
+        pairs = pair_runs(with_places(self.plant), self.reference, runs)
         return msgspec.structs.replace(report, proof=gaps_on(judgement, pairs.evidence()))
 
-    def _with_model(self, report: Report, judgement: Judged) -> Report:
+    def _with_model(self, report: Report, judgement: Judgement) -> Report:
         path = self.folder / "model.toml"
         action = "make room; the runs are kept, and the same command continues"
         with refused_by_system(BaselineError, f"cannot write {path}", action=action):

@@ -1,7 +1,7 @@
-"""What to play next so that what a check-up leaves open is settled. Pure: a check-up in, runs out.
+"""Which run to play next to separate the rivals that a check-up leaves. Pure: no bench, no clock.
 
-What the simulator shows of a run with one rival and with another is their separation by that run:
-d², the squared distance of their rows, over the variance of a row. 16 is four standard errors.
+The separation of two rivals by a run is d², the squared distance of their predicted rows over the
+variance of a row. 16 is four standard errors.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.checkup.judge import Judged
+from smad.checkup.judge import Judgement
 from smad.checkup.programme import Programme
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.next_run import separation
 from smad.diagnosis.numerics.white import RunRows, Shrink
-from smad.diagnosis.paired.difference import Paired, rows_of
+from smad.diagnosis.paired.difference import PairedRuns, rows_of
 from smad.diagnosis.paired.good import GoodRun
 from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.describe import rival_words
@@ -24,13 +24,13 @@ from smad.diagnosis.rivals.rival import day_variance
 from smad.diagnosis.verdict import PARAMETERS, QUIET
 
 SEPARATED = 16.0
-"""Two rivals are told apart by a run from this d² on: four standard errors."""
+"""Least d² that tells two rivals apart: four standard errors."""
 _WATER_DEGC = 27.0
 
 
 @dataclass(frozen=True)
 class Offer:
-    """A run with d² of the rivals that stay: the least over their pairs."""
+    """A run and the least d² of any two of the remaining rivals."""
 
     run: str
     separation: float
@@ -38,10 +38,9 @@ class Offer:
 
 @dataclass(frozen=True)
 class Proposal:
-    """What to do after a verdict: play `run`, or nothing more where it is None; `why` in words.
+    """What to do after a verdict: play `run`, or nothing more if it is None; `why` in words.
 
-    `staying` names the rivals between which nothing is decided, `offers` the runs that might part
-    them, best first.
+    `staying` names the remaining rivals, `offers` the runs that may separate them, best first.
     """
 
     run: str | None
@@ -50,12 +49,12 @@ class Proposal:
     offers: tuple[Offer, ...] = ()
 
 
-def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> Proposal:
-    """The run that best separates what stays, for its time; none when it is settled or of no use.
+def propose(judgement: Judgement, costs_s: Mapping[str, float], left_s: float) -> Proposal:
+    """The run that best separates the remaining rivals for its time; none when settled or futile.
 
-    `costs_s` is what playing each run takes, `left_s` the time that is left. Each run is
-    played once, since a repeat does not separate rivals that the first play left open. If no rival
-    is told, every run of the baseline is played before that is the answer.
+    `costs_s` is the time for each run, `left_s` the time that is left. Each run is played once,
+    since a repeat separates no rivals that the first play did not. Without a cause every run of the
+    baseline is played before that is the answer.
     """
     verdict, pairs = judgement.verdict, judgement.pairs
     if not verdict.causes:
@@ -94,13 +93,13 @@ def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> P
     return Proposal(None if best is None else best.run, why, names, offers)
 
 
-def _not_played(paired: Paired) -> list[GoodRun]:
+def _not_played(paired: PairedRuns) -> list[GoodRun]:
     """Runs of the baseline that no pair repeats."""
     done = {pair.then.name for pair in paired.pairs}
     return [run for run in paired.good.runs if run.name not in done]
 
 
-def _offers(judgement: Judged) -> list[Offer]:
+def _offers(judgement: Judgement) -> list[Offer]:
     """Runs of the baseline that were not played yet, with their separation."""
     pairs = judgement.pairs
     sd = np.sqrt(day_variance(pairs.plant))
@@ -112,10 +111,10 @@ def _offers(judgement: Judged) -> list[Offer]:
     return out
 
 
-def unpaired_offers(judgement: Judged, programme: Programme) -> list[Offer]:
-    """Runs of the programme that the baseline lacks, as far as the model can say; best first.
+def unpaired_offers(judgement: Judgement, programme: Programme) -> list[Offer]:
+    """Runs of the programme that the baseline lacks, with their modelled separation, best first.
 
-    Without a good recording the model's own form error stays in, so this is more than they bring.
+    Without a good recording model error does not cancel, so this is an upper bound.
     """
     good = judgement.pairs.good
     paired_names, floor = {r.name for r in good.runs}, good.floor
@@ -130,10 +129,10 @@ def unpaired_offers(judgement: Judged, programme: Programme) -> list[Offer]:
     return sorted(out, key=lambda o: -o.separation)
 
 
-def _offer(judgement: Judged, run: str, played: Played, rows: RunRows, slopes: Array) -> Offer:
-    """A run with the separation of the rivals that stay, in rows beside `slopes`.
+def _offer(judgement: Judgement, run: str, played: Played, rows: RunRows, slopes: Array) -> Offer:
+    """A run with the separation of the remaining rivals in `rows`, `slopes` (k, n) marginalised.
 
-    The variance of a row is the mean square that is left beside what is told; 1 at least.
+    The variance of a row is that of the residual with all causes, at least 1.
     """
     search = judgement.search
     assert search is not None
