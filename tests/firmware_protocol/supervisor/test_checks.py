@@ -390,7 +390,7 @@ def test_i2t_lowers_the_ceiling_and_trips_only_a_driver_that_does_not_obey() -> 
 
 def test_i2t_does_not_raise_a_ceiling_that_was_tightened_below_the_rated_current() -> None:
     rig = Rig(tighten(compiled_limits(), {"current_limit_mA": 1000})).heat(4000)
-    rig.memory.i2t_mA2us[0] = rig.memory.i2t_budget_mA2us
+    rig.memory.i2t_mA2us[0] = rig.memory.i2t_budget_mA2us + 10**13
     rig.step()
     assert rig.memory.applied_mA[0] == 1000
 
