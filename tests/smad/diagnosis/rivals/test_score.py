@@ -26,14 +26,14 @@ RUNS, ROWS = 8, 23.0
 
 
 def of(
-    leads: tuple[float, ...], *, near: tuple[bool, ...] = NEAR, by_rows: bool = True
+    leads: tuple[float, ...], *, at_floor: tuple[bool, ...] = NEAR, by_rows: bool = True
 ) -> list[float]:
     """Probabilities of rivals whose scores over all runs lead the first one by so much."""
     scores = np.array([[lead / RUNS] * RUNS for lead in leads])
-    return [float(x) for x in weighed(scores, near=near, by_rows=by_rows)]
+    return [float(x) for x in weighed(scores, at_floor=at_floor, by_rows=by_rows)]
 
 
-def weighed(scores: np.ndarray, *, near: tuple[bool, ...] = NEAR, by_rows: bool) -> np.ndarray:
+def weighed(scores: np.ndarray, *, at_floor: tuple[bool, ...] = NEAR, by_rows: bool) -> np.ndarray:
     """Probabilities of rivals with these scores in each run, (rivals, runs)."""
     return probabilities(
         scores,
@@ -42,17 +42,17 @@ def weighed(scores: np.ndarray, *, near: tuple[bool, ...] = NEAR, by_rows: bool)
         effects=41,
         laws=20,
         rows=ROWS,
-        near=near,
+        at_floor=at_floor,
         by_rows=by_rows,
         log_prior=np.zeros(len(KINDS)),
     )
 
 
 def missing(
-    leads: tuple[float, ...], *, near: tuple[bool, ...] = NEAR, by_rows: bool = True
+    leads: tuple[float, ...], *, at_floor: tuple[bool, ...] = NEAR, by_rows: bool = True
 ) -> float:
     """The probability that anything is missing."""
-    return sum(of(leads, near=near, by_rows=by_rows)[2:])
+    return sum(of(leads, at_floor=at_floor, by_rows=by_rows)[2:])
 
 
 @pytest.mark.parametrize(("least", "counts_below"), [(1.0, False), (0.0, True)])
@@ -89,13 +89,13 @@ def test_a_small_lead_in_every_run_is_noticed_where_every_row_counts_and_not_whe
     assert missing(small, by_rows=False) < 0.1
 
 
-@pytest.mark.parametrize("near", [(False,) * 5, (False, True, True, False, False)])
+@pytest.mark.parametrize("at_floor", [(False,) * 5, (False, True, True, False, False)])
 def test_what_leaves_a_little_more_than_parameters_is_possible_where_both_leave_much_or_nothing(
-    near: tuple[bool, ...],
+    at_floor: tuple[bool, ...],
 ) -> None:
     behind = (0.0, 20.0, 19.0, 0.0, 0.0)
     assert missing(behind) < 1e-3
-    assert missing(behind, near=near) > 0.1
+    assert missing(behind, at_floor=at_floor) > 0.1
 
 
 def test_what_leads_by_chance_is_not_noticed() -> None:
@@ -113,7 +113,7 @@ def test_a_lead_that_hangs_on_one_run_is_less_sure_than_the_same_lead_in_every_r
             effects=41,
             laws=20,
             rows=ROWS,
-            near=(True, False),
+            at_floor=(True, False),
             by_rows=True,
             log_prior=np.zeros(2),
         )[1]
@@ -132,7 +132,7 @@ def test_of_two_effects_the_better_one_is_not_sure_however_many_runs_there_are()
             effects=41,
             laws=20,
             rows=ROWS,
-            near=(False,) * 3,
+            at_floor=(False,) * 3,
             by_rows=True,
             log_prior=np.zeros(3),
         )
@@ -149,8 +149,8 @@ def test_few_signals_say_as_much_together_as_many() -> None:
 
 def test_after_a_cause_every_row_counts_for_what_leaves_nothing_against_what_leaves_more() -> None:
     small = (0.0, 0.0, 1.0, 0.0, 0.0)
-    assert missing(small, by_rows=False, near=(False, False, True, False, False)) > 0.9
-    assert missing(small, by_rows=False, near=(True, True, True, False, False)) < 0.1
+    assert missing(small, by_rows=False, at_floor=(False, False, True, False, False)) > 0.9
+    assert missing(small, by_rows=False, at_floor=(True, True, True, False, False)) < 0.1
 
 
 def test_an_effect_that_explains_nothing_is_no_cause_however_soft_the_evidence_is() -> None:
