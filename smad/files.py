@@ -1,6 +1,7 @@
 """Files that a person names: checked before the work, and written whole or not at all."""
 
 import contextlib
+import errno
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,6 +25,19 @@ def require_writable(output: Path) -> None:
             f"{output} cannot be written: no permission to write {target}",
             action="name another file",
         )
+
+
+MOST_BYTES = 100_000_000
+
+
+def read_whole(path: Path) -> bytes:
+    """Return what is in a file. Raises OSError also for one that has no end, as a device."""
+    with path.open("rb") as file:
+        data = file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        why = f"it is longer than {MOST_BYTES // 1_000_000} MB"
+        raise OSError(errno.EINVAL, why, str(path))
+    return data
 
 
 @contextlib.contextmanager

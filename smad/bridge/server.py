@@ -17,6 +17,7 @@ from smad.bridge.foxglove import ERROR, LOG, SUBPROTOCOLS, WARNING, Channel, Vie
 from smad.bridge.loopback import HOST, listen, quiet
 from smad.bridge.source import Source
 from smad.counted import counted
+from smad.progress import Say, silent
 
 MOST_VIEWERS = 8
 MOST_WAITING = 2000
@@ -96,9 +97,10 @@ class ViewerConnection:
 class Bridge:
     """Passes a bench on to viewers. `address` is what they connect to."""
 
-    def __init__(self, source: Source, port: int) -> None:
+    def __init__(self, source: Source, port: int, say: Say = silent) -> None:
         self.address = f"ws://{HOST}:{port}"
         self._source = source
+        self._say = say
         self._session = str(time.time_ns())
         self._viewers: set[ViewerConnection] = set()
         self._reporting: dict[ViewerConnection, asyncio.Task[None]] = {}
@@ -155,6 +157,8 @@ class Bridge:
         """Tell the viewers of new parameters, of losses, and once why the bench is away."""
         again = why_away == self._away
         self._away = why_away
+        if why_away and not again:
+            self._say(why_away)
         for viewer_connection in tuple(self._viewers):
             # A viewer that has not taken the last one gets the next when it has.
             if viewer_connection not in self._reporting:
@@ -164,11 +168,14 @@ class Bridge:
 
 
 @contextlib.asynccontextmanager
-async def serving(bench: str, port: int) -> AsyncIterator[Bridge]:
-    """Serve viewers as long as the block lasts. Port 0: any free one. Raises ConfigError."""
+async def serving(bench: str, port: int, say: Say = silent) -> AsyncIterator[Bridge]:
+    """Serve viewers as long as the block lasts. Port 0: any free one. Raises ConfigError.
+
+    `say` is told why nothing comes from the bench.
+    """
     listening = listen(port)
     source = Source(bench)
-    bridge = Bridge(source, listening.getsockname()[1])
+    bridge = Bridge(source, listening.getsockname()[1], say)
     async with serve(
         bridge.talk,
         sock=listening,

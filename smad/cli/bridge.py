@@ -6,6 +6,7 @@ import contextlib
 import click
 
 from smad.cli.options import Group, bench_option, port_option
+from smad.view.terminal.progress import note
 
 
 @click.group(cls=Group)
@@ -26,7 +27,7 @@ def foxglove(port: int = port_option(8765), bench: str = bench_option) -> None:
 async def _serve(bench: str, port: int) -> None:
     from smad.bridge.server import serving
 
-    async with serving(bench, port) as served:
+    async with serving(bench, port, note) as served:
         click.echo(f"connect to {served.address} (Foxglove WebSocket)")
         click.echo("Anyone on this machine can watch. Ctrl-C ends the bridge, not the bench.")
         await asyncio.Event().wait()

@@ -82,7 +82,6 @@ def carry_out(
 
 def print_json(value: object, *, indent: int = 2) -> None:
     """Print a value as JSON; with an indent of -1 on one line."""
-    import msgspec
+    from smad.json_text import json_text
 
-    text = msgspec.json.encode(value, enc_hook=str)
-    click.echo(msgspec.json.format(text, indent=indent))
+    click.echo(json_text(value, indent))

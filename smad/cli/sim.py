@@ -10,7 +10,6 @@ from smad.cli.quantity import Quantity
 from smad.cli.simulated import Boards, effects_option, rate_option
 from smad.processes.boards import SimulatedBenchError, built, effect_lines
 from smad.processes.simulator import READY
-from smad.view.terminal.tables import print_columns
 
 
 @click.command(cls=Command)
@@ -43,11 +42,6 @@ def sim(
     from sim_device.plant.errors import PlantError
     from sim_device.pty import HOST_TIMEOUT_S, said_of_host, serve
 
-    if "list" in boards.faults:
-        from sim_device.faults import fault_rows
-
-        print_columns(("fault", "group", "what happens", "parameters"), fault_rows())
-        return
     config = boards.configured(path, rate)
     try:
         boards_built = built(

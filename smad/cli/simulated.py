@@ -15,6 +15,7 @@ from smad.cli.quantity import Whole
 from smad.errors import ConfigError
 from smad.processes.boards import BOARDS, effect_lines
 from smad.view.terminal.progress import note
+from smad.view.terminal.tables import print_columns
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
@@ -37,6 +38,15 @@ effect_option = effects_option("With --sim: an effect that the simulated bench h
 rate_option = option("--rate", "Samples per second.", click.Choice(["100", "250", "500"]))
 
 
+def _or_listed(ctx: click.Context, _: click.Parameter, faults: Sequence[str]) -> Sequence[str]:
+    if "list" in faults:
+        from sim_device.faults import fault_rows
+
+        print_columns(("fault", "group", "what happens", "parameters"), fault_rows())
+        ctx.exit()
+    return faults
+
+
 @dataclass(frozen=True, kw_only=True)
 class Boards:
     """The boards that `smad sim` runs, and `smad start --sim` begins."""
@@ -49,6 +59,7 @@ class Boards:
         "--fault NAME@S[:KEY=VALUE,…]",
         "A fault to inject; smad sim --fault list lists them.",
         multiple=True,
+        callback=_or_listed,
     )
     firmware: str = option("--firmware", FIRMWARES, click.Choice([*BOARDS]), default="python")
     # With --paced-by-host both ends wait so many times as long for each other.

@@ -12,7 +12,12 @@ import zmq
 from msgspec import Struct
 
 from smad.api import BY_PARAMS, LARGEST_MESSAGE, Arm, ErrorData, Motion, Reason, Telemetry
-from smad.client.endpoints import Connection, candidate_folders, read_connection
+from smad.client.endpoints import (
+    Connection,
+    candidate_folders,
+    read_connection,
+    running_benches,
+)
 from smad.client.errors import NoAnswer, NoDaemon, Refused, refused
 from smad.config.curve_key import KEY_CHARACTERS, is_curve_key
 from smad.errors import ConfigError
@@ -183,10 +188,12 @@ def find_daemon(bench: str, folder: str | Path | None) -> Connection:
         connection = read_connection(candidate / f"{bench}.json")
         if connection is not None:
             return connection
+    others = ", ".join(running_benches(folders))
     raise NoDaemon(
         f"no daemon is running for the bench {bench!r} "
         f"(looked in {', '.join(str(f) for f in folders)})",
-        action="start one: smad start --port /dev/serial/by-id/…, or smad start --sim",
+        action=(f"running: {others}; name it (--bench), or " if others else "")
+        + "start one: smad start --port /dev/serial/by-id/…, or smad start --sim",
     )
 
 

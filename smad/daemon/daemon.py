@@ -109,7 +109,7 @@ class Daemon:
             config.recorder.black_box_s,
             Path(config.recorder.folder).absolute(),
             header,
-            self._wall_clock,
+            process.clocks,
             lambda text: self.say("state", text, {}),
         )
         self.publisher = Publisher(self.loop, config.telemetry)

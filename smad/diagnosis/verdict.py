@@ -14,6 +14,7 @@ import msgspec
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.errors import GapError, PlantMismatch
 from smad.diagnosis.runs import GapRun
+from smad.files import read_whole
 from smad.units import in_words
 
 QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED = OUTCOMES = (
@@ -393,7 +394,7 @@ def _goes(before: float, after: float) -> str:
 def read_verdict(path: Path) -> Verdict:
     """The verdict in a file that `smad gap diagnose` wrote. Raises GapError for another file."""
     try:
-        return Verdict.from_json(path.read_bytes())
+        return Verdict.from_json(read_whole(path))
     except msgspec.DecodeError as error:
         raise GapError(
             f"{path} is no verdict",

@@ -23,6 +23,7 @@ from sim_device.plant.parameters import ParameterSet
 from sim_device.plant.units import ZERO_C
 from smad.arrays import Array
 from smad.experiments.errors import DataFileError
+from smad.files import read_whole
 
 COLUMNS = ("t_s", "temperature_degC", "heat_flow_mW")
 FACTS = ("mass_mg", "rate_K_per_min")
@@ -43,7 +44,7 @@ class DscData:
 def read_dsc(path: Path) -> DscData:
     """Read a file of the form above. Raises DataFileError, naming the line or column at fault."""
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = read_whole(path).decode("utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise DataFileError(
             "the calorimetry cannot be read", value=f"{path}: {error}", action="check the path"

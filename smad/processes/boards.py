@@ -93,6 +93,12 @@ def build(
         model = read_model(model_path)
     model = model.with_effects(dict(from_text(text) for text in effects))
     board = BOARDS[firmware]
+    if store_path is not None and not board.has_store:
+        raise SimulatedBenchError(
+            "the model in Python keeps no parameter memory",
+            value=str(store_path),
+            action="add --firmware host, or leave --store out",
+        )
     store = {"store_path": store_path} if board.has_store else {}
     return board.bench()(
         **model.physics,

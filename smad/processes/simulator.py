@@ -69,9 +69,11 @@ def _wait_until_ready(child: subprocess.Popen[str], waiting: Say) -> None:
         if child.stdout.readline().startswith(READY):
             return
         break
-    if child.poll() is None:
-        child.kill()
-    why = _complaint(child) or f"it did nothing for {STALLED_S:g} s"
+    child.kill()
+    silence = (
+        f"it did nothing for {STALLED_S:g} s" if stall.stalled() else "it ended without a word"
+    )
+    why = _complaint(child) or silence
     raise DaemonError(f"the simulated bench did not start: {why}", action=_SEE)
 
 

@@ -4,6 +4,7 @@ Read with Python's own csv, so that `smad move` needs neither numpy nor Arrow.
 """
 
 import csv
+import io
 import math
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,6 +14,7 @@ from smad.control.commands import Samples
 from smad.control.segment import millimetres
 from smad.counted import counted
 from smad.errors import CommandError
+from smad.files import read_whole
 
 TIME = "t_s"
 DISPLACEMENT = "displacement_mm"
@@ -26,19 +28,19 @@ def read_points(path: Path, columns: Sequence[Sequence[str]]) -> dict[str, list[
     and what is no number.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = csv.DictReader(file, skipinitialspace=True)
-            header = rows.fieldnames or ()
-            names = [next((n for n in group if n in header), "") for group in ((TIME,), *columns)]
-            if not all(names):
-                lacking = " or ".join([(TIME,), *columns][names.index("")])
-                raise CommandError(
-                    f"{path}: a column is missing: {lacking}",
-                    value=", ".join(header) or "an empty file",
-                    limit=", ".join([TIME, *(" or ".join(group) for group in columns)]),
-                    action="name the columns so, in the first line",
-                )
-            points = [[_number(path, rows.line_num, n, row[n]) for n in names] for row in rows]
+        file = io.StringIO(read_whole(path).decode("utf-8-sig"), newline="")
+        rows = csv.DictReader(file, skipinitialspace=True)
+        header = rows.fieldnames or ()
+        names = [next((n for n in group if n in header), "") for group in ((TIME,), *columns)]
+        if not all(names):
+            lacking = " or ".join([(TIME,), *columns][names.index("")])
+            raise CommandError(
+                f"{path}: a column is missing: {lacking}",
+                value=", ".join(header) or "an empty file",
+                limit=", ".join([TIME, *(" or ".join(group) for group in columns)]),
+                action="name the columns so, in the first line",
+            )
+        points = [[_number(path, rows.line_num, n, row[n]) for n in names] for row in rows]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise CommandError(f"cannot read {path}: {reason}", action="give a CSV file") from error

@@ -3,6 +3,8 @@
 - CSV: one line of names (units are in them), then rows; empty where nothing was recorded. Header
   and events go to `<name>.header.json` beside it, so that the table stays a plain table.
 - Parquet: header and events in the metadata of the schema, unit and legend in that of each column.
+  Of more than `MOST_METADATA_BYTES` the `data` of events is left out, then the counters of the
+  link, and a note says so: no program reads a file with much more.
 - MATLAB (version 5): `run.columns.<channel>`, `run.units.<channel>`, `run.legends.<channel>`,
   `run.header`, `run.events`.
 
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 METADATA_KEY = "smad"
+MOST_METADATA_BYTES = 16_000_000
 
 
 def export_run(run: Run, target: str | Path, *, overwrite: bool = False) -> list[Path]:
@@ -49,6 +52,7 @@ def export_run(run: Run, target: str | Path, *, overwrite: bool = False) -> list
         )
     if not len(run):
         raise RunLogError(f"{run.path} holds no rows", action="there is nothing to export")
+    run = fitted(run, target)
     files = [target, header_path(target)] if target.suffix == ".csv" else [target]
     taken = next((path for path in files if path.exists()), None)
     if taken is not None and not overwrite:
@@ -61,6 +65,25 @@ def export_run(run: Run, target: str | Path, *, overwrite: bool = False) -> list
         if len(files) > 1:
             files[1].write_bytes(msgspec.json.format(header_document(run), indent=2) + b"\n")
     return files
+
+
+def fitted(run: Run, target: Path) -> Run:
+    """Return `run` without what a file of that name cannot hold; its notes say what that is."""
+    if target.suffix != ".parquet":
+        return run
+    bare = [msgspec.structs.replace(event, data={}) for event in run.events]
+    parts: dict[str, dict[str, Any]] = {
+        "the data of events": {"events": bare},
+        "the counters of the link": {"link": []},
+    }
+    for name, less in parts.items():
+        if (size := len(header_document(run))) > MOST_METADATA_BYTES:
+            note = (
+                f"{name} left out of {target.name}: the metadata would have {size / 1e6:.0f} MB "
+                f"of at most {MOST_METADATA_BYTES / 1e6:.0f} MB; the run log and CSV have all"
+            )
+            run = replace(run, notes=[*run.notes, note], **less)
+    return run
 
 
 def side_by_side(runs: Mapping[str, Run]) -> Run:

@@ -168,6 +168,15 @@ def test_without_a_daemon_the_error_says_how_to_start_one(tmp_path: Path) -> Non
         Client(folder=tmp_path)
 
 
+def test_without_a_daemon_the_error_names_the_benches_that_run(tmp_path: Path) -> None:
+    here = Connection(
+        bench="lab", pid=os.getpid(), version="", command="ipc://x", stop="", telemetry=""
+    )
+    write_connection(tmp_path / "lab.json", here, 0o077)
+    with pytest.raises(NoDaemon, match=r"running: lab; name it \(--bench\)"):
+        Client(folder=tmp_path)
+
+
 def test_the_connection_file_of_a_dead_daemon_counts_as_no_daemon(tmp_path: Path) -> None:
     write_connection(
         tmp_path / "bench.json",

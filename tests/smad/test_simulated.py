@@ -48,6 +48,17 @@ def test_a_port_that_goes_because_the_bench_ended_is_explained_by_the_bench(
         raise PortError("there is no such port")
 
 
+def test_a_bench_that_ends_without_a_word_did_not_stall(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.executable", "/bin/true")
+    with (
+        pytest.raises(DaemonError, match="did not start: it ended without a word"),
+        simulated_bench([], tmp_path / "tty", waiting=lambda _: None),
+    ):
+        pass
+
+
 def test_what_interrupts_the_block_ends_the_bench_as_well() -> None:
     def interrupted() -> None:
         with smad.simulated() as bench:

@@ -2,7 +2,8 @@
 
 What is kept is bounded in time and in bytes, as blocks of half a second: a writing takes over the
 list of blocks, which costs the loop nothing, however much is kept. It is written by a thread, a few
-rows at a time, so that the control loop waits for neither the disk nor the interpreter.
+rows at a time, so that the control loop waits for neither the disk nor the interpreter. What is
+kept and when it is written go by the daemon's clock: the wall clock may be set.
 """
 
 import asyncio
@@ -20,6 +21,7 @@ import msgspec
 from msgspec.structs import astuple
 
 from smad.daemon.realtime import step_below_loop
+from smad.daemon.services import Clocks
 from smad.errors import RunLogError
 from smad.runlog.header import RunHeader
 from smad.runlog.paths import make_folder, new_run_path
@@ -47,7 +49,7 @@ class _Entry(NamedTuple):
     """As it is encoded: without the names of its fields, which would be most of it."""
 
     kind: int
-    wall_s: float
+    kept_s: float
     axis: str
     stamp_s: float | None
     values: tuple[Any, ...]
@@ -82,7 +84,7 @@ class BlackBox:
         keep_s: float,
         folder: Path,
         header: Callable[[str], RunHeader],
-        wall_clock: Callable[[], float],
+        clocks: Clocks,
         say: Callable[[str], None],
     ) -> None:
         self.keep_s = keep_s
@@ -90,7 +92,7 @@ class BlackBox:
         """What was written last."""
         self._folder = folder / FOLDER
         self._header = header
-        self._wall_clock = wall_clock
+        self._clocks = clocks
         self._say = say
         self._blocks: deque[_Block] = deque()
         self._bytes = 0
@@ -115,12 +117,12 @@ class BlackBox:
         if self._why or not self._blocks:
             return
         self._why = why
-        self._due_s = max(self._wall_clock() + AFTERMATH_S, self._written_s + self.keep_s)
+        self._due_s = max(self._now_s() + AFTERMATH_S, self._written_s + self.keep_s)
 
     @property
     def due(self) -> bool:
         """Whether what was wanted is to be written now."""
-        return bool(self._why) and self._wall_clock() >= self._due_s
+        return bool(self._why) and self._now_s() >= self._due_s
 
     async def write_wanted(self) -> None:
         """Write what was wanted; a disk that refuses is reported, and the daemon goes on."""
@@ -134,7 +136,7 @@ class BlackBox:
 
     async def write(self, seconds: float) -> int:
         """Write the last seconds into a log; return how many samples. Raises RunLogError."""
-        now_s, before_s = self._wall_clock(), self._written_s
+        now_s, before_s = self._now_s(), self._written_s
         blocks = [block.entries for block in self._blocks if block.last_s >= now_s - seconds]
         if blocks:
             blocks[-1] = blocks[-1].copy()
@@ -142,7 +144,7 @@ class BlackBox:
         self._written_s = now_s
         try:
             path, rows = await loop.run_in_executor(
-                self._worker, self._write, blocks, seconds, now_s
+                self._worker, self._write, blocks, now_s - seconds, self._clocks.wall_s() - now_s
             )
         except RunLogError:
             self._written_s = before_s
@@ -154,12 +156,15 @@ class BlackBox:
         """Finish what is being written."""
         self._worker.shutdown(wait=True)
 
+    def _now_s(self) -> float:
+        return self._clocks.us() * 1e-6
+
     def _keep(
         self, kind: int, record: Record, axis: str = "", stamp_s: float | None = None
     ) -> None:
         if self.keep_s <= 0:
             return
-        now_s = self._wall_clock()
+        now_s = self._now_s()
         try:
             data = _encode(_Entry(kind, now_s, axis, stamp_s, astuple(record)))
         except (TypeError, ValueError, OverflowError):
@@ -170,7 +175,6 @@ class BlackBox:
         block.last_s = now_s
         block.size_bytes += len(data) + ENTRY_BYTES
         self._bytes += len(data) + ENTRY_BYTES
-        # A clock that was set back keeps more for a while; the bytes bound that.
         while len(self._blocks) > 1 and (
             self._blocks[0].last_s < now_s - self.keep_s or self._bytes > MOST_BYTES
         ):
@@ -182,26 +186,29 @@ class BlackBox:
         if (
             newest is None
             or newest.size_bytes >= MOST_BYTES / _BLOCKS
-            or not 0.0 <= now_s - newest.began_s < self.keep_s / _BLOCKS
+            or now_s - newest.began_s >= self.keep_s / _BLOCKS
         ):
             newest = _Block(began_s=now_s, last_s=now_s)
             self._blocks.append(newest)
         return newest
 
     def _write(
-        self, blocks: Sequence[Sequence[bytes]], seconds: float, now_s: float
+        self, blocks: Sequence[Sequence[bytes]], since_s: float, epoch_s: float
     ) -> tuple[Path, int]:
-        """Write what of these is of the last seconds; return where, and how many samples."""
+        """Write what of these was kept since then; return where, and how many samples.
+
+        `epoch_s` is the Unix time at which the daemon's clock was zero.
+        """
         make_folder(self._folder)
-        path = new_run_path(self._folder, "last", datetime.fromtimestamp(now_s))
-        entries = (_decode(data) for block in blocks for data in block)
-        recent = (entry for entry in entries if entry.wall_s >= now_s - seconds)
-        first = next(recent, None)
         header = self._header("last")
+        path = new_run_path(self._folder, "last", datetime.fromtimestamp(header.started_unix_s))
+        entries = (_decode(data) for block in blocks for data in block)
+        recent = (entry for entry in entries if entry.kept_s >= since_s)
+        first = next(recent, None)
         if first is None:
-            write_run(path, msgspec.structs.replace(header, started_unix_s=now_s), ())
+            write_run(path, header, ())
             return path, 0
-        began_s = first.wall_s if first.stamp_s is None else first.stamp_s
+        began_s = epoch_s + first.kept_s if first.stamp_s is None else first.stamp_s
         rows = 0
 
         def records() -> Iterator[Record | tuple[Row, str, float]]:

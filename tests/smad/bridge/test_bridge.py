@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import contextlib
 import json
@@ -19,10 +20,11 @@ from websockets.typing import Subprotocol
 
 from bench.browser import running_daemon, served
 from smad.bridge.foxglove import LINK, LOG, MOST_SUBSCRIPTIONS, SUBPROTOCOLS, rows_of
-from smad.bridge.server import MOST_VIEWERS
+from smad.bridge.server import MOST_VIEWERS, serving
 from smad.cli import execute
 from smad.client import Client
 from smad.client.arming import arm_when_allowed
+from smad.client.endpoints import FOLDER_VARIABLE
 from smad.runlog.schema import CHANNELS
 
 PATIENCE_S = 120.0
@@ -186,6 +188,19 @@ def test_viewers_that_never_read_lose_their_seats_to_others(folder: Path) -> Non
 def test_a_viewer_is_told_that_the_daemon_is_away(tmp_path: Path) -> None:
     with bridge_of(tmp_path) as address, join(address) as viewer:
         assert "no daemon is running" in message_of(viewer, "status")["message"]
+
+
+async def test_who_serves_viewers_is_told_once_that_the_daemon_is_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
+    said: list[str] = []
+    async with serving("wrong", 0, said.append) as bridge:
+        while not said:
+            await asyncio.sleep(0)
+        bridge.announce(said[0])
+    assert len(said) == 1
+    assert "no daemon is running for the bench 'wrong'" in said[0]
 
 
 def test_a_port_that_is_taken_is_named(address: str, capsys: pytest.CaptureFixture[str]) -> None:

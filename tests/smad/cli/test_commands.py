@@ -355,6 +355,13 @@ def test_a_csv_file_that_cannot_be_followed_is_refused_with_the_place(
     assert words in failed(capfd, "move", "follow", str(path))
 
 
+@pytest.mark.parametrize("command", ["move follow", "gap apply --out model.toml"])
+def test_a_file_without_an_end_is_refused(
+    capfd: pytest.CaptureFixture[str], daemon: FakeDaemon, command: str
+) -> None:
+    assert "longer than 100 MB" in failed(capfd, *command.split(), "/dev/zero")
+
+
 def test_a_motion_that_ends_early_fails_with_the_fault(
     capfd: pytest.CaptureFixture[str], daemon: FakeDaemon
 ) -> None:
@@ -485,6 +492,15 @@ def test_options_that_contradict_each_other_are_refused(
     assert "leave --baud out" in failed(capfd, "start", "--sim", "--baud", "115200")
     assert "--port DEVICE" in failed(capfd, "start")
     assert "fault" in failed(capfd, "sim", "--fault", "wibble@1")
+    assert "add --firmware host" in failed(capfd, "sim", "--store", "memory.bin")
+
+
+@pytest.mark.parametrize("command", ["sim", "start --sim"])
+def test_faults_are_listed_by_whoever_takes_them(
+    command: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert execute([*command.split(), "--fault", "list"]) == 0
+    assert "sensor_open" in capfd.readouterr().out
 
 
 def test_progress_is_silent_for_two_seconds_and_then_says_something_now_and_then(

@@ -11,6 +11,7 @@ import pytest
 from campaign.virtual import Refused
 from firmware_protocol.enums import BoardState
 from sim_device.faults import injection
+from smad.daemon.services import Clocks
 from smad.daemon.telemetry import blackbox
 from smad.daemon.telemetry.blackbox import ENTRY_BYTES, FOLDER, BlackBox
 from smad.runlog.header import RunHeader
@@ -60,6 +61,20 @@ async def test_a_stop_by_somebody_else_is_kept_and_ones_own_is_not(tmp_path: Pat
         await until_written(rig, tmp_path)
 
 
+@pytest.mark.parametrize("leap_s", [-3600.0, 3600.0])
+async def test_a_wall_clock_that_is_set_neither_delays_nor_empties_it(
+    tmp_path: Path, leap_s: float
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        await rig.run_for(3.0)
+        await rig.ask("disarm", client=b"other")
+        rig.jump_wall_clock(leap_s)
+        (path,) = await until_written(rig, tmp_path)
+        assert len(read_run(path)) > 300
+        assert len(rig.daemon.black_box._blocks) < 20
+
+
 async def test_the_last_seconds_are_written_when_asked_for_also_at_rest(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.run_for(3.0)
@@ -91,7 +106,7 @@ def _no_header(_: str) -> RunHeader:
 
 def test_a_minute_of_six_axes_at_500_hz_fits(tmp_path: Path) -> None:
     now_s = 1_700_000_000.0
-    box = BlackBox(60.0, tmp_path, _no_header, lambda: now_s, print)
+    box = BlackBox(60.0, tmp_path, _no_header, Clocks(lambda: round(now_s * 1e6)), print)
     # Every number there is, none of them short.
     row = Row(**dict.fromkeys(Row.__struct_fields__, 1.0 / 3.0))
     for _ in range(62 * 500):

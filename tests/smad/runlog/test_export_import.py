@@ -1,5 +1,6 @@
 """Out to other programs and back, and logs that were made elsewhere."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -97,6 +98,21 @@ def test_a_parquet_file_keeps_numbers_types_units_and_header(tmp_path: Path, run
     assert msgspec.json.decode(table.schema.metadata[b"smad"])["header"]["seed"] == 7
     np.testing.assert_array_equal(table["faults"].to_numpy(), run.columns["faults"])
     assert table["displacement_mm"].null_count == np.isnan(run.columns["displacement_mm"]).sum()
+
+
+def test_a_parquet_file_with_more_metadata_than_is_read_lacks_the_data_of_events_and_says_so(
+    tmp_path: Path, run: Run
+) -> None:
+    from pyarrow import parquet
+
+    uploads = [Event(kind="command", text="move", data={"t_s": "0" * 1_000_000})] * 90
+    export_run(replace(run, events=uploads), tmp_path / "out.parquet")
+    document = msgspec.json.decode(
+        parquet.read_table(tmp_path / "out.parquet").schema.metadata[b"smad"]
+    )
+    assert [event["text"] for event in document["events"]] == ["move"] * 90
+    assert document["link"]
+    assert "the data of events left out of out.parquet" in document["notes"][-1]
 
 
 def test_a_matlab_file_has_columns_units_and_header_under_valid_names(
