@@ -173,6 +173,10 @@ def _reboot(bench: Breakable, p: Parameters) -> None:
     bench.reboot(ResetCause.PIN)
 
 
+def _power_cycle(bench: Breakable, p: Parameters) -> None:
+    bench.reboot(ResetCause.POWER_ON)
+
+
 def _hang(bench: Breakable, p: Parameters) -> None:
     bench.hang(p["seconds"])
 
@@ -318,6 +322,8 @@ _ROWS: tuple[FaultKind, ...] = (
               {}, (Fault.LEAK,), 3.0),
     # Board
     FaultKind("reboot", "board", "the board restarts", _reboot, None, {}, (), 0.5),
+    FaultKind("power_cycle", "board", "the board is without power for a moment", _power_cycle, None,
+              {}, (), 0.5),
     FaultKind("hang", "board", "the loop hangs; the watchdog restarts it after 100 ms", _hang,
               None, {"seconds": 0.07}, (Fault.LOOP_OVERRUN,), 4.0),
     FaultKind("slow_loop", "board", "each sample takes so many periods", _slow, _not_slow,

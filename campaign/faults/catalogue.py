@@ -180,6 +180,7 @@ _ROWS: tuple[Row, ...] = (
     _of("pump_no_flow", Then.STOPS, _X, must=frozenset(), observe_s=45.0, alias="no_flow_heating"),
     _of("leak", Then.STOPS),
     _restart("reboot"),
+    _restart("power_cycle"),
     _of("hang", Then.STOPS, {"seconds": between(0.06, 0.095)}),
     _of("hang", Then.RESTARTS, {"seconds": between(0.12, 0.5)}, alias="hang_watchdog",
         budget_J=4.0),

@@ -280,7 +280,7 @@ class Night:
             time.sleep(_POLL_S)
         time.sleep(_AWAY_S)
         if trouble.kind == "estop":
-            self._rig.inject("reboot@0")
+            self._rig.inject("power_cycle@0")
         self._rig.mend()
         self._until(self._answers, "the daemon answers")
         runner = self._rig.children["runner"]

@@ -214,7 +214,7 @@ class Soak:
         # Refused while the port is away.
         self._wait(lambda status: self._order(api.EStop()))
         self._wait(lambda status: status["motion"]["mode"] == "ESTOP")
-        self._rig.inject("reboot@0")
+        self._rig.inject("power_cycle@0")
         self._wait(lambda status: status["motion"]["mode"] == "SAFE")
 
     def _wait(self, done: Callable[[dict[str, Any]], bool]) -> None:

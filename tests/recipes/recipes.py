@@ -248,9 +248,30 @@ IMPORT = Recipe(
     "file format of records",
     (
         Insert(
+            "its reader",
+            "smad/records/tab_table.py",
+            '''"""Tables whose columns are tabulated."""
+
+from pathlib import Path
+
+from smad.records.csv_table import CsvFormat, CsvTable, open_csv
+
+
+def open_tab(path: Path, form: CsvFormat) -> CsvTable:
+    """The table at `path`. Raises LogImportError when it cannot be read."""
+    return open_csv(path, form)
+''',
+        ),
+        Insert(
+            "its import",
+            "smad/records/tables.py",
+            "from smad.records.tab_table import open_tab\n",
+            before="from smad.runlog.bounds import require_bounded\n",
+        ),
+        Insert(
             "its line in _OPEN",
             "smad/records/tables.py",
-            '    ".tab": open_csv,\n',
+            '    ".tab": open_tab,\n',
             before='    **dict.fromkeys((".csv"',
         ),
         Insert("the guide", "docs/guide/run-logs.md", "TAB, ", before="LVM and gzipped"),
@@ -265,8 +286,9 @@ EXPORT = Recipe(
             "what writes it",
             "smad/runlog/export.py",
             """def _write_npz(run: Run, path: Path) -> None:
+    arrays: dict[str, Any] = {"header": np.array(header_document(run)), **_used(run)}
     with path.open("wb") as file:
-        np.savez_compressed(file, header=np.array(header_document(run)), **_used(run))
+        np.savez_compressed(file, **arrays)
 
 
 """,
@@ -334,7 +356,7 @@ HOOK = Recipe(
             """def test_a_hot_room_is_told_once() -> None:
     sample = Telemetry(timestamp=1.0, sequence=1, t_s=1.0, rtd_ambient_degC=40.0)
     hot = msgspec.structs.replace(STATUS, sample=sample)
-    assert [event for event, _ in told(look(0), look(1, hot), look(2, hot))] == ["on_room_hot"]
+    assert [event for event, _ in told(look(0, hot), look(1, hot))] == ["on_room_hot"]
 
 
 """,

@@ -76,7 +76,8 @@ HARMLESS = [
     "insert_bytes", "duplicate_frames", "swap_frames", "modem_probe", "echo",
 ]  # fmt: skip
 RESTARTS = [
-    "reboot", "clock_wrap", "corrupt_parameters", "schema_older", "schema_newer", "major_other",
+    "reboot", "power_cycle", "clock_wrap", "corrupt_parameters", "schema_older", "schema_newer",
+    "major_other",
 ]  # fmt: skip
 
 

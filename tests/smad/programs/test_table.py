@@ -16,7 +16,7 @@ from tests.smad.programs.__main__ import PHASES, lines
 from tests.smad.programs.table import CASES, PROGRAMS
 
 SOURCE = Path(smad.__file__).parent
-PLACES = ("smad.cli.", "smad.demo.", "smad.experiments.", "smad.checkup.")
+PLACES = ("smad.cli.", "smad.client.arming.", "smad.demo.", "smad.experiments.", "smad.checkup.")
 ARMS = {"arm", "armed"}
 
 
