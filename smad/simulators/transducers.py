@@ -32,7 +32,7 @@ def effects_of(
     """The effects of each reading, then of each drive, named `{signal}_gain`, `_zero`, `_lag`.
 
     `lag_s` is what either may well lag by; a drive `acts_at` a place of the diagnosis. Only with
-    `delay` may a signal be late, or early by shifted rows; only with `saturation` a drive saturate.
+    `delay` may a signal be late, only with `saturation` a drive saturate.
     """
     everything = tuple(c.name for c in channels)
     effects: list[Effect] = []
@@ -65,7 +65,7 @@ def _effects(
         ("lag", "lag", _value("tau_s", "s", lag_s, 0.0, longest), "tau·s' = y − s"),
     ]
     if delay:
-        rows.append(("delay", "delay", _value("T_s", "s", lag_s, -longest, longest), "y(t − T)"))
+        rows.append(("delay", "delay", _value("T_s", "s", lag_s, 0.0, longest), "y(t − T)"))
     if saturation:
         cut = _value("cut", "1", _SATURATES[0], 0.0, _SATURATES[1])
         rows.append(("saturation", "saturation", cut, "|y| ≤ (1 − cut)·largest"))
@@ -98,7 +98,7 @@ def transduced(
         column = column + zero
     if cut > 0.0 and largest > 0.0:
         column = np.clip(column, -(1.0 - cut) * largest, (1.0 - cut) * largest)
-    if delay_s != 0.0:
+    if delay_s > 0.0:
         column = np.interp(t_s - delay_s, t_s, column)
     if tau_s > 0.0 and len(t_s) > 1:
         keep = float(np.exp(-float(np.median(np.diff(t_s))) / tau_s))

@@ -688,14 +688,6 @@ def test_runs_one_below_the_other_are_to_be_split() -> None:
         bind(declared_heater(), twice)
 
 
-def test_an_input_that_was_recorded_rows_late_is_named_as_a_negative_delay() -> None:
-    made = [heater_run(seed, tau=0.0) for seed in range(3)]
-    late = [run | {"power_W": np.roll(run["power_W"], 3)} for run in made]
-    (cause,) = diagnose(late, declared_heater(transducers=True)).verdict.causes
-    assert cause.name == "power_W_delay"
-    assert cause.values[0].value == pytest.approx(-0.3, abs=0.03)
-
-
 def in_units(run: Mapping[str, Array], names: Mapping[str, tuple[str, float, float]]):
     """The run with columns renamed, as value · factor + offset."""
     return {
