@@ -132,7 +132,7 @@ def _against_a_baseline(*words: str) -> Callable[[Path], str]:
             patch.setattr(smad.checkup.store, "load", lambda folder, plant: baseline)
             patch.setattr(RecordedInputs, "require_bench", lambda self, uid, bench: None)
             # A run that tripped is judged as far as it goes; there is nothing to judge it by here.
-            patch.setattr(smad.checkup.check, "judged", _judged)
+            patch.setattr(smad.checkup.check, "judge_runs", _judged)
             patch.setattr(Investigation, "_judged", _judged)
             return _cli(*words)(folder)
 
