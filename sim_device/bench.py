@@ -260,7 +260,6 @@ class SimulatedBench:
 
     def _power_up(self, cause: ResetCause, start_us: int) -> Board:
         self._boots += 1
-        reset = cause is not ResetCause.POWER_ON
         return self.board_type(
             fixture=self._fixture,
             rate_hz=self._rate_hz,
@@ -268,11 +267,15 @@ class SimulatedBench:
             image=self._image,
             boot_count=self._boots,
             cause=cause,
-            stopped=reset and self.board.state is BoardState.ESTOP,
+            stopped=self._stop_outlives(cause),
             now_us=start_us,
             hardware=self.hardware,
             **self.make,
         )
+
+    def _stop_outlives(self, cause: ResetCause) -> bool:
+        """Return whether the board is in ESTOP and a reset of this cause leaves it there."""
+        return cause is not ResetCause.POWER_ON and self.board.state is BoardState.ESTOP
 
     def _hangs(self, period_us: int) -> bool:
         """Return whether this sample is not taken; the watchdog ends what lasts too long."""

@@ -169,12 +169,8 @@ def _slip(bench: Breakable, p: Parameters) -> None:
     _touch(bench)
 
 
-def _reboot(bench: Breakable, p: Parameters) -> None:
-    bench.reboot(ResetCause.PIN)
-
-
-def _power_cycle(bench: Breakable, p: Parameters) -> None:
-    bench.reboot(ResetCause.POWER_ON)
+def _restart(cause: ResetCause) -> Action:
+    return lambda bench, p: bench.reboot(cause)
 
 
 def _hang(bench: Breakable, p: Parameters) -> None:
@@ -321,9 +317,10 @@ _ROWS: tuple[FaultKind, ...] = (
     FaultKind("leak", "actuator", "the leak sensor gets wet", _part(leak=True), _part(leak=False),
               {}, (Fault.LEAK,), 3.0),
     # Board
-    FaultKind("reboot", "board", "the board restarts", _reboot, None, {}, (), 0.5),
-    FaultKind("power_cycle", "board", "the board is without power for a moment", _power_cycle, None,
-              {}, (), 0.5),
+    FaultKind("reboot", "board", "the board restarts", _restart(ResetCause.PIN), None, {}, (),
+              0.5),
+    FaultKind("power_cycle", "board", "the board is without power for a moment",
+              _restart(ResetCause.POWER_ON), None, {}, (), 0.5),
     FaultKind("hang", "board", "the loop hangs; the watchdog restarts it after 100 ms", _hang,
               None, {"seconds": 0.07}, (Fault.LOOP_OVERRUN,), 4.0),
     FaultKind("slow_loop", "board", "each sample takes so many periods", _slow, _not_slow,

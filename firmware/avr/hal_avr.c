@@ -222,7 +222,7 @@ uint8_t hal_reset_cause(void)
 
 void hal_keep_stop(void)
 {
-    stop_mark = STOP_MARK;
+    stop_mark = HAL_STOP_MARK;
 }
 
 /* RAM may outlive a short time without power. */
@@ -231,7 +231,7 @@ bool hal_stop_kept(void)
     if ((reset_cause & _BV(PORF)) != 0) {
         stop_mark = 0;
     }
-    return stop_mark == STOP_MARK;
+    return stop_mark == HAL_STOP_MARK;
 }
 
 void hal_mark(bool on)

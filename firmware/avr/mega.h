@@ -44,7 +44,6 @@
 #define BRIDGE_DEAD 8388607
 #define TACHO_STANDS_US 200000u
 #define UID_AT 4084u
-#define STOP_MARK 0x53544F50u
 
 /* The clock in us; with interrupts off. */
 uint32_t mega_time_us(void);

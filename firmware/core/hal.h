@@ -114,6 +114,9 @@ void hal_watchdog_kick(void);
 /* Why the chip started; enum smad_reset_cause. */
 uint8_t hal_reset_cause(void);
 
+/* What memory that outlives a reset holds once everything was stopped. */
+#define HAL_STOP_MARK 0x53544F50u
+
 /* Remembers that everything was stopped, for all resets until the next power-up. */
 void hal_keep_stop(void);
 

@@ -187,21 +187,21 @@ static enum slot judge(uint16_t slot, uint16_t *size)
     uint32_t crc = 0;
     uint16_t body = (uint16_t)(slot + 1u);
     uint8_t mark = hal_store_read(slot);
-    enum slot else_it_is = mark == MARK ? SLOT_DAMAGED : SLOT_EMPTY;
+    enum slot otherwise = mark == MARK ? SLOT_DAMAGED : SLOT_EMPTY;
     *size = 0;
     if (mark == ERASED) {
         return SLOT_EMPTY;
     }
     *size = read_u16((uint16_t)(body + 4u));
     if (*size > ENTRY * SMAD_PARAMETER_COUNT || *size % ENTRY != 0) {
-        return else_it_is;
+        return otherwise;
     }
     for (uint16_t i = 0; i < HEADER + *size; i++) {
         uint8_t byte = hal_store_read((uint16_t)(body + i));
         crc = smad_crc32_more(crc, &byte, 1);
     }
     /* A mark that is damaged itself, or was cut off while it was written, must not hide limits. */
-    return crc == read_u32((uint16_t)(body + HEADER + *size)) ? SLOT_GOOD : else_it_is;
+    return crc == read_u32((uint16_t)(body + HEADER + *size)) ? SLOT_GOOD : otherwise;
 }
 
 /* Takes over what a slot holds; entries that do not exist or fit any more keep their values. */

@@ -46,7 +46,6 @@
 #define BRIDGE_DEAD 8388607
 #define TACHO_STANDS_US 200000u
 #define RING 512u
-#define STOP_MARK 0x53544F50u
 #define POWER_UP BIT(27)
 
 const char hal_name[] = "smad-nucleo 1.0 untried";
@@ -396,7 +395,7 @@ uint8_t hal_reset_cause(void)
 
 void hal_keep_stop(void)
 {
-    stop_mark = STOP_MARK;
+    stop_mark = HAL_STOP_MARK;
 }
 
 /* RAM may outlive a short time without power. */
@@ -405,7 +404,7 @@ bool hal_stop_kept(void)
     if ((reset_flags & POWER_UP) != 0) {
         stop_mark = 0;
     }
-    return stop_mark == STOP_MARK;
+    return stop_mark == HAL_STOP_MARK;
 }
 
 void hal_mark(bool on)

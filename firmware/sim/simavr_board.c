@@ -10,6 +10,7 @@
  * time. What the pins show changes at the beginning of a step, the encoder's edges are spread over
  * its first half. Bytes go in and out at the speed of the serial port. */
 
+#include "../core/hal.h"
 #include "link.h"
 #include "parts.h"
 
@@ -37,7 +38,6 @@
 #define REG_OCR4BL 0xAA
 #define REG_PORTC 0x28
 #define REG_DDRC 0x27
-#define STOP_MARK 0x53544F50u /* as in avr/mega.h */
 #define GATE 7
 #define DRAIN_X 6
 #define DRAIN_Y 5
@@ -320,7 +320,7 @@ static void set_cause(int cause)
 /* An ESTOP before this reset, as the chip's own memory keeps it. */
 static void set_stopped(const elf_firmware_t *image)
 {
-    static const uint32_t mark = STOP_MARK;
+    static const uint32_t mark = HAL_STOP_MARK;
     for (uint32_t i = 0; i < image->symbolcount; i++) {
         if (strcmp(image->symbol[i]->symbol, "stop_mark") == 0) {
             memcpy(avr->data + (image->symbol[i]->addr & 0xFFFFu), &mark, sizeof mark);

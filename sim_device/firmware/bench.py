@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from firmware_protocol import messages as wire
-from firmware_protocol.enums import BoardState, ResetCause
+from firmware_protocol.enums import ResetCause
 from sim_device.bench import SimulatedBench, named_image
 from sim_device.errors import BenchError, FaultSpecError
 from sim_device.firmware import store
@@ -88,7 +88,7 @@ class FirmwareBench(SimulatedBench):
             names = ", ".join(self.make)
             raise FaultSpecError(f"another {names} needs the Python board; take --firmware python")
         board = getattr(self, "board", None)
-        stopped = cause is not ResetCause.POWER_ON and self.board.state is BoardState.ESTOP
+        stopped = self._stop_outlives(cause)
         if board is not None:
             board.close()
         return self.board_type(

@@ -141,7 +141,7 @@ def export(
     with --wide all share a table. rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard
     messages. lerobot is a dataset of LeRobot v3.0: a folder with Parquet files, of one episode.
     """
-    from smad.runlog.export import fitted
+    from smad.runlog.export import with_readable_metadata
     from smad.runlog.formats import count_in, export_axes
     from smad.runlog.reader import read_axes
 
@@ -149,7 +149,7 @@ def export(
     target = output or source.with_suffix(f".{suffix}")
     with bar("reading") as progress:
         read = read_axes(source, progress=progress)
-    runs = {axis: fitted(run, target) for axis, run in read.items()}
+    runs = {axis: with_readable_metadata(run, target) for axis, run in read.items()}
     files = export_axes(runs, target, kind=suffix, wide=wide, fps=fps, overwrite=overwrite)
     notes = next(iter(runs.values())).notes
     count, what = count_in(files, runs)

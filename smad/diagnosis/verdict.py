@@ -182,11 +182,11 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     def title(self) -> str:
         """The cause in words, for a heading: the effect with its first value, or a law."""
         others = self.other_names
-        if self.kind != "effect" and others:
+        if self.kind != "effect":
+            if not others:
+                return "a law, no effect of the library fits"
             few = " or ".join(others) if len(others) <= _NAMED else f"one of {len(others)} effects"
             return f"a law or {few}"
-        if self.kind != "effect":
-            return "a law, no effect of the library fits"
         if len(self.named) <= len(others):
             return f"{self.name} or one of {len(others)} others"
         value = "" if others or not self.values else f", {self.values[0].text}"

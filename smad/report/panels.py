@@ -14,7 +14,7 @@ import numpy as np
 from smad.arrays import Array
 from smad.report.planes import Plane, described
 from smad.style.decimation import Decimation
-from smad.style.palette import known
+from smad.style.palette import checked_colour
 
 MOST_POINTS = 12_000
 """Points of a trace that a page holds; of a longer one each stretch keeps its extremes."""
@@ -128,7 +128,7 @@ class _Axes:
         return {
             "label": trace.label,
             "group": trace.group,
-            "pen": known(trace.pen),
+            "pen": checked_colour(trace.pen),
             "dash": trace.dash,
             "x": place,
             # NaN becomes null.

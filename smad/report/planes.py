@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from smad.arrays import Array
 from smad.runlog.cycles import TURN_K, TURN_MM, Cycles
 from smad.style.decimation import pauses, stride
-from smad.style.palette import known
+from smad.style.palette import checked_colour
 
 MOST_POINTS = 12_000
 """Samples of a curve that a page holds; of a longer one every second, third, … stays."""
@@ -163,7 +163,7 @@ class _Values:
             breaks = breaks[breaks < -(-curve.x.size // step)]
         return {
             "label": curve.label,
-            "pen": known(curve.pen),
+            "pen": checked_colour(curve.pen),
             "group": curve.group,
             "dash": curve.dash,
             "x": self._place(curve.x, step, plane.x.digits + _MORE_DIGITS, breaks),
@@ -187,9 +187,9 @@ class _Values:
         if id(column) not in self._places:
             # The column is kept, so that no other gets its id.
             self._places[id(column)] = (len(self.lists), column)
-            kept = np.round(column[::step], digits)
-            filled = np.nan if broken else kept[breaks - 1]
-            self.lists.append(np.insert(kept, breaks, filled).tolist())
+            points = np.round(column[::step], digits)
+            at_breaks = np.nan if broken else points[breaks - 1]
+            self.lists.append(np.insert(points, breaks, at_breaks).tolist())
         return self._places[id(column)][0]
 
 

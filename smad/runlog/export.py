@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 METADATA_KEY = "smad"
 MOST_METADATA_BYTES = 16_000_000
+"""Far below the 90 MB that pyarrow refused to read back."""
 
 
 def export_run(run: Run, target: str | Path, *, overwrite: bool = False) -> list[Path]:
@@ -52,7 +53,7 @@ def export_run(run: Run, target: str | Path, *, overwrite: bool = False) -> list
         )
     if not len(run):
         raise RunLogError(f"{run.path} holds no rows", action="there is nothing to export")
-    run = fitted(run, target)
+    run = with_readable_metadata(run, target)
     files = [target, header_path(target)] if target.suffix == ".csv" else [target]
     taken = next((path for path in files if path.exists()), None)
     if taken is not None and not overwrite:
@@ -67,7 +68,7 @@ def export_run(run: Run, target: str | Path, *, overwrite: bool = False) -> list
     return files
 
 
-def fitted(run: Run, target: Path) -> Run:
+def with_readable_metadata(run: Run, target: Path) -> Run:
     """Return `run` without what a file of that name cannot hold; its notes say what that is."""
     if target.suffix != ".parquet":
         return run
@@ -77,12 +78,14 @@ def fitted(run: Run, target: Path) -> Run:
         "the counters of the link": {"link": []},
     }
     for name, less in parts.items():
-        if (size := len(header_document(run))) > MOST_METADATA_BYTES:
-            note = (
-                f"{name} left out of {target.name}: the metadata would have {size / 1e6:.0f} MB "
-                f"of at most {MOST_METADATA_BYTES / 1e6:.0f} MB; the run log and CSV have all"
-            )
-            run = replace(run, notes=[*run.notes, note], **less)
+        size = len(header_document(run))
+        if size <= MOST_METADATA_BYTES:
+            break
+        note = (
+            f"{name} left out of {target.name}: the metadata would have {size / 1e6:.0f} MB "
+            f"of at most {MOST_METADATA_BYTES / 1e6:.0f} MB; the run log and CSV have all"
+        )
+        run = replace(run, notes=[*run.notes, note], **less)
     return run
 
 

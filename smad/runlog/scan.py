@@ -31,6 +31,7 @@ _COMPRESSION = struct.pack("<I", 4) + b"zstd"
 _BEFORE_COMPRESSION = RECORD_HEAD.size + _CHUNK_HEAD.size - 4
 _FIRST_UNKNOWN, _FIRST_PRIVATE = Opcode.DATA_END + 1, 0x80
 _DATA_END_BYTES = 4
+"""A CRC: a record that claims another length is damaged."""
 _BLOCK_BYTES = 2**20
 
 Parser = Callable[[ReadDataStream], Any]
@@ -144,19 +145,19 @@ def _is_head(head: bytes, bytes_left: int) -> bool:
 
 def _next_chunk(file: BinaryIO, begin: int, size: int) -> int | None:
     """Return where the first chunk of ours from `begin` on begins; None where there is none."""
-    at = begin + _BEFORE_COMPRESSION
-    while at < size:
-        file.seek(at)
+    position = begin + _BEFORE_COMPRESSION
+    while position < size:
+        file.seek(position)
         block = file.read(_BLOCK_BYTES)
-        found = block.find(_COMPRESSION)
-        while found >= 0:
-            start = at + found - _BEFORE_COMPRESSION
+        match = block.find(_COMPRESSION)
+        while match >= 0:
+            start = position + match - _BEFORE_COMPRESSION
             file.seek(start)
             head = file.read(RECORD_HEAD.size)
             if head[:1] == bytes([Opcode.CHUNK]) and _is_head(head, size - start):
                 return start
-            found = block.find(_COMPRESSION, found + 1)
-        at += max(1, len(block) - len(_COMPRESSION) + 1)
+            match = block.find(_COMPRESSION, match + 1)
+        position += max(1, len(block) - len(_COMPRESSION) + 1)
     return None
 
 

@@ -64,7 +64,7 @@ def in_print(name: str) -> str:
     return PALETTE[name].light
 
 
-def known(name: str) -> str:
+def checked_colour(name: str) -> str:
     """Return the name of a colour. Raises KeyError for one that is none: a page draws nothing."""
     if name not in PALETTE:
         raise KeyError(f"no colour is named {name!r}; there are {', '.join(PALETTE)}")

@@ -142,6 +142,13 @@ def solve_tension(
     return -1.0
 
 
+@inlined
+def drag_on_pair(state: State, work: Work, e: Effects) -> float:
+    """Force that resists a motion of the pair, for its speed, N s/m."""
+    wet = 0.5 * (state.x.filled + state.y.filled)
+    return e.pair_drag * wet + work.between_slope
+
+
 @compiled
 def solve_sliding_pair(
     rub: float, guess: float, state: State, work: Work, model: Model, dt: float
@@ -159,8 +166,7 @@ def solve_sliding_pair(
     trusted = trusted_steps(e)
     F = guess if guess > 0.0 else 0.0
     before = state.shared.displacement
-    wet = 0.5 * (x.filled + y.filled)
-    drag = (e.pair_drag * wet + work.between_slope) / dt
+    drag = drag_on_pair(state, work, e) / dt
     rub += work.between
     mounted = stretch_of_tendon(p.F0, e)[0]
     for n in range(ITERATIONS):
@@ -219,8 +225,7 @@ def solve_resisted_pair(
         pull = F_x - F_y - e.pair_stiffness * u - work.between
         stiffness = 1.0 / (work.x.deflection_by_F + stretch_of_tendon(F_x, e)[1])
         stiffness += 1.0 / (work.y.deflection_by_F + stretch_of_tendon(F_y, e)[1])
-        drag = e.pair_drag * 0.5 * (x.filled + y.filled) + work.between_slope
-        lasts = drag > stiffness * dt
+        lasts = drag_on_pair(state, work, e) > stiffness * dt
         # With the displacement held the pull changes as fast as the springs would move the pair.
         speed = abs(F_x - x.tension - F_y + y.tension) / (stiffness * dt)
         hold = friction_at(g.tension, 0.0 if lasts else speed, e)

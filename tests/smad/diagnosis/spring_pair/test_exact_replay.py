@@ -10,7 +10,7 @@ import pytest
 from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.data.played import predictions
 from smad.diagnosis.plant import ModelPoint, nominal_point
-from smad.diagnosis.rivals.evidence import recorded_evidence
+from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
 from tests.smad.diagnosis.cases import strong
@@ -28,6 +28,14 @@ def floors() -> np.ndarray:
     """Noise of a row of an everyday run."""
     runs = [recorded(kind, PLANT, nominal_point(PLANT), 2, duration_s=40.0) for kind in KINDS]
     return estimate_floors(runs, PLANT, PERIOD_S)
+
+
+@cache
+def closed_loop() -> Evidence:
+    """A run of levels on the healthy bench."""
+    point = nominal_point(PLANT)
+    run = recorded("levels", PLANT, point, 5, noise=False, duration_s=DURATION_S)
+    return recorded_evidence(PLANT, [run], floors(), PERIOD_S, point)
 
 
 def most_left(name: str, kind: str, rate_hz: float, **given: float) -> float:
@@ -70,10 +78,8 @@ def test_at_every_rate_and_in_every_kind_of_run(name: str, kind: str, rate_hz: f
 
 @pytest.mark.parametrize("name", sorted(EFFECTS))
 def test_a_replay_does_not_hang_on_the_last_digit_of_a_parameter(name: str) -> None:
-    theta = nominal_point(PLANT).theta
+    theta, evidence = nominal_point(PLANT).theta, closed_loop()
     q = next(q for q in PLANT.parameters if q.name == "ambient_temperature")
-    run = recorded("levels", PLANT, nominal_point(PLANT), 5, noise=False, duration_s=DURATION_S)
-    evidence = recorded_evidence(PLANT, [run], floors(), PERIOD_S, nominal_point(PLANT))
     warmer = theta | {q.name: theta.get(q.name, q.nominal) + 1e-6 * q.prior_sd}
     points = [ModelPoint(t, {name: strong(EFFECTS[name])}) for t in (theta, warmer)]
     replays = [predictions(PLANT, p, evidence.played, exact=True) for p in points]
