@@ -88,7 +88,7 @@ def side_by_side(folder: Path, which: tuple[str, ...] = (), runs: int = 4) -> li
             named = max(first.names, key=lambda n: first.names[n], default="")
             for value in first.values:
                 if "friction" in first.name:
-                    friction, sd = abs(value.value), value.sd
+                    friction, sd = abs(value.value), value.sd or np.nan
             for term in first.terms:
                 if term.name.endswith("_rate_sign"):
                     friction, sd = -term.slopes["both"], term.sd["both"]

@@ -321,7 +321,7 @@ class Replay:
             temperature_K = float(env[0, 1 if setup.cooling == "air" else 0])
         state = setup.state(temperature_K)
         row = k.numbers(state)
-        out = np.empty((self.inputs.t_s.size, self._places.size))
+        out = np.empty((self._places.size, self.inputs.t_s.size))
         status = k.replay(
             state,
             k.zeros(k.Work),
@@ -343,7 +343,7 @@ class Replay:
         )
         if status != k.OK:
             raise solver_error(status, row)
-        return np.ascontiguousarray(out.T)
+        return out
 
 
 def trajectory(replay: Replay, setup: Setup, *, dt_s: float = DEFAULT_STEP_S) -> dict[str, Array]:
@@ -379,7 +379,7 @@ def _feed_rows(feeds: Mapping[str, Array], n: int) -> tuple[Array, Array]:
     if unknown:
         raise InputError(f"feed {unknown[0]!r} is unknown; known are {', '.join(FEEDS)}")
     flags = np.zeros(len(FEEDS))
-    rows = np.zeros((n if feeds else 1, _FEED_COLUMNS))
+    rows = np.zeros((n if feeds else 0, _FEED_COLUMNS))
     column = 0
     for index, (name, width) in enumerate(FEEDS.items()):
         if name in feeds:
@@ -387,6 +387,4 @@ def _feed_rows(feeds: Mapping[str, Array], n: int) -> tuple[Array, Array]:
             flags[index] = 1.0
             rows[:, column : column + width] = _checked(name, feeds[name], shape).reshape(n, width)
         column += width
-    if not feeds:
-        rows = np.broadcast_to(rows, (n, _FEED_COLUMNS)).copy()
     return flags, rows

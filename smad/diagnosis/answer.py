@@ -213,7 +213,8 @@ def _table(
 ) -> list[RivalGap]:
     """The likeliest rivals, all without a part, and those `named`.
 
-    Rivals whose probability prints as 0 are ordered by their gap.
+    Rivals whose probability prints as 0 are ordered by their gap. Only values of those `named` get
+    standard deviations, which take many exact replays.
     """
     plant = question.model.plant
     listed = [r for k, r in enumerate(rivals) if k < _ROWS or not r.has_part or r.name in named]
@@ -225,7 +226,7 @@ def _table(
             name=r.name.removeprefix("law:"),
             words=rival_words(plant, r),
             title=titles.get(r.name, "") if r.has_part else "",
-            values=_values(precision, r),
+            values=_values(r, precision if r.name in named else None),
             places=list(r.places),
             gap=question.gap(r),
             probability=r.probability,
@@ -244,15 +245,15 @@ def _shown(rival: Rival) -> bool:
     return round(rival.probability, 2) > 0.0
 
 
-def _values(precision: Precision, rival: Rival) -> list[EffectValue]:
-    """The values of the effect that a rival adds."""
+def _values(rival: Rival, precision: Precision | None) -> list[EffectValue]:
+    """The values of the effect that a rival adds; `precision` gives their standard deviations."""
     if rival.kind != EFFECT or rival.fit is None:
         return []
     part, block = rival.fit.model.parts[-1], rival.fit.model.slices[-1]
     if not isinstance(part, EffectPart):
         return []
-    sd = _standard_deviations(precision.covariance(rival.fit))
-    return effect_values(part, rival.fit.x[block], sd[block])
+    sd = None if precision is None else _standard_deviations(precision.covariance(rival.fit))[block]
+    return effect_values(part, rival.fit.x[block], sd)
 
 
 def _standard_deviations(matrix: Array) -> Array:

@@ -116,16 +116,18 @@ class LawTerm(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class EffectValue(msgspec.Struct, frozen=True, kw_only=True):
-    """A parameter of an effect with its standard deviation, in `unit`."""
+    """A parameter of an effect, in `unit`, with its standard deviation if it was computed."""
 
     name: str
     value: float
-    sd: float
+    sd: float | None
     unit: str
 
     @property
     def text(self) -> str:
-        """As users read it: tau_s = 0.600 ± 0.002 s."""
+        """As users read it: tau_s = 0.600 ± 0.002 s, or 0.6 s."""
+        if self.sd is None:
+            return f"{self.name} = {self.value:.3g} {in_words(self.unit)}".rstrip()
         return f"{self.name} = {with_unit(self.value, self.sd, self.unit)}"
 
 

@@ -88,10 +88,10 @@ def replay(
 ) -> int:
     """Advance through recorded samples; row k of `drives` is in force up to times[k].
 
-    flags (5,) and rows (n, 8): which signals are fed, and the signals, see `load_feeds`. env
-    (n, 2): inlet and ambient, K. forcing (n, FORCED_SLOTS), or no row: what is forced at each
-    place. laws (m, 17), memory (m, 4): as of `advance`. flat: the numbers of the state.
-    out (n, len(slots)): those of them at `slots` after each sample. Returns a status.
+    flags (5,) and rows (n, 8), or no row: which signals are fed, and the signals, see
+    `load_feeds`. env (n, 2): inlet and ambient, K. forcing (n, FORCED_SLOTS), or no row: what is
+    forced at each place. laws (m, 17), memory (m, 4): as of `advance`. flat: the numbers of the
+    state. out (len(slots), n): those of them at `slots` after each sample. Returns a status.
     """
     state, work, model = states[0], works[0], models[0]
     work.forces = 1.0 if forcing.shape[0] > 0 or laws.shape[0] > 0 else 0.0
@@ -106,14 +106,15 @@ def replay(
         else:
             span = times[k] - times[k - 1]
             steps = count_substeps(span, dt_max)
-            load_feeds(work.feeds, flags, rows, k)
+            if rows.shape[0] > 0:
+                load_feeds(work.feeds, flags, rows, k)
             load_drive(work.drive, drives[k])
             load_forcing(work, forcing, k)
             status = advance(states, works, models, ring, table, laws, memory, span / steps, steps)
             if status != OK:
                 return status
-        for j in range(out.shape[1]):
-            out[k, j] = flat[int(slots[j])]
+        for j in range(out.shape[0]):
+            out[j, k] = flat[int(slots[j])]
     return OK
 
 

@@ -49,16 +49,22 @@ def where_words(plant: PlacesPlant, name: str, side: str) -> str:
     return label if len(place.sides) < 2 or side == BOTH else f"{label}, {side.upper()}"
 
 
-def effect_values(part: EffectPart, x: Array, sd: Array) -> list[EffectValue]:
-    """An effect's parameters at coordinates `x` (k,) with deviations `sd` (k,), the largest
-    strength first and the shapes last.
+def effect_values(part: EffectPart, x: Array, sd: Array | None) -> list[EffectValue]:
+    """An effect's parameters at coordinates `x` (k,) with deviations `sd` (k,), if they are known,
+    the largest strength first and the shapes last.
     """
+    deviations = [None] * len(x) if sd is None else sd.tolist()
     rows = sorted(
-        zip(part.effect.parameters, x, sd, strict=True),
+        zip(part.effect.parameters, x, deviations, strict=True),
         key=lambda row: -abs(row[1]) if row[0].strength else np.inf,
     )
     return [
-        EffectValue(name=q.name, value=float(v) * q.scale, sd=float(s) * q.scale, unit=q.unit)
+        EffectValue(
+            name=q.name,
+            value=float(v) * q.scale,
+            sd=None if s is None else s * q.scale,
+            unit=q.unit,
+        )
         for q, v, s in rows
     ]
 
