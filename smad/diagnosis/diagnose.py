@@ -10,6 +10,7 @@ from smad.diagnosis.answer import Answer, answer_of
 from smad.diagnosis.data.admission import RunSet, admit_groups, row_of_admitted_s
 from smad.diagnosis.data.guards import FIT, GOOD, HOLD_OUT, goes_further, too_few
 from smad.diagnosis.errors import PlantMismatch
+from smad.diagnosis.moved_inputs import moved_inputs
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.paired.notes import compared, notes_of
 from smad.diagnosis.places.bare import with_places
@@ -25,6 +26,7 @@ from smad.diagnosis.verdict import (
     PARAMETERS,
     QUIET,
     REFUSED,
+    Finding,
     RunRecord,
     Verdict,
 )
@@ -83,6 +85,9 @@ def diagnose(
         else:
             search = differs(admitted)
             answer = answer_of(search, question=DIFFERS)
+            if text := moved_inputs(admitted, search):
+                fitted = [run.name for run in roles[FIT]]
+                findings += [Finding(name, COLUMN_DOUBTED, text, False) for name in fitted]
     headline = answer.verdict.headline
     doubted = {f.run for f in findings if f.kind == COLUMN_DOUBTED}
     if answer.verdict.causes and doubted.issuperset(run.name for run in roles[FIT]):

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -24,6 +25,8 @@ RANGES: Mapping[str, tuple[float, float]] = {
 """Lowest and highest value that channels of the spring pair can have, by how their names begin."""
 
 
+APPLIED = ("i_cmd", "i_applied", "duty", "drain")
+"""How the names of inputs begin."""
 LONGEST_STEP_S = 1.0
 """A pair that is sampled slower shows nothing of how it moves."""
 _ROUNDED = 0.2
@@ -31,10 +34,18 @@ _ROUNDED = 0.2
 
 
 class MappingFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A mapping file (TOML): `[csv]`, and `[columns."name in the file"]` with a rule each."""
+    """A mapping file (TOML): `[csv]`, and `[columns."name in the file"]` with a rule each.
+
+    The inputs of a row are in force in the interval that ends at its time, or begins there where
+    they act `after` it.
+    """
 
     csv: CsvFormat = CsvFormat()
     columns: dict[str, ColumnRule] = {}
+    inputs_act: Literal["before", "after"] = "before"
+
+
+_NO_MAPPING = MappingFile()
 
 
 def read_mapping(path: str | Path) -> MappingFile:
@@ -68,12 +79,13 @@ def read_channels(
     table = open_table(path, mapping.csv)
     if together is not None:
         together.take(path, rows=table.most_rows, columns=min(len(table.names), len(CHANNELS)))
-    return channels_of(table, mapping.columns)
+    return channels_of(table, mapping)
 
 
-def channels_of(table: ForeignTable, rules: Mapping[str, ColumnRule] | None = None) -> Channels:
+def channels_of(table: ForeignTable, mapping: MappingFile = _NO_MAPPING) -> Channels:
     """Channels of a table. Raises LogImportError for one that cannot be used."""
-    column_rules = {**_time_of_stamps(table, rules or {}), **(rules or {})}
+    rules = mapping.columns
+    column_rules = {**_time_of_stamps(table, rules), **rules}
     for name in (n for n in column_rules if n in table.stamps and not table.stamps[n]):
         if column_rules[name].column_unit not in ("", "s"):
             raise LogImportError(
@@ -85,8 +97,11 @@ def channels_of(table: ForeignTable, rules: Mapping[str, ColumnRule] | None = No
     unused = [n for n in table.stamps if n not in column_rules]
     assignment = assign([n for n in table.names if n not in unused], column_rules)
     assignment.ignored.extend(unused)
-    columns = _converted(table, assignment, rules or {})
+    columns = _converted(table, assignment, rules)
     _check_time(table, assignment, columns)
+    if mapping.inputs_act == "after":
+        applied = [n for n in columns if n.startswith(APPLIED)]
+        columns |= {n: np.r_[columns[n][:1], columns[n][:-1]] for n in applied}
     written = {
         rule.channel: Written.of(
             rule.column_unit, CHANNELS[rule.channel].unit, rule.scale, rule.offset

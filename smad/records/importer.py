@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.errors import LogImportError
-from smad.records.channels import LONGEST_STEP_S, RANGES, Channels, MappingFile, channels_of
+from smad.records.channels import (
+    APPLIED,
+    LONGEST_STEP_S,
+    RANGES,
+    Channels,
+    MappingFile,
+    channels_of,
+)
 from smad.records.column_names import Assignment
 from smad.records.declared import Declared
 from smad.records.readings import beyond_range, checked, checked_columns, doubted_step
@@ -28,7 +35,6 @@ _PLAUSIBLE = {
     "mm": (-500.0, 500.0), "N": (-500.0, 500.0),
 }  # fmt: skip
 """What any bench of this kind can show, by unit; `RANGES` is what ours can."""
-_APPLIED = ("i_cmd", "i_applied", "duty")
 
 
 @dataclass(frozen=True)
@@ -63,7 +69,7 @@ def import_table(
     """
     source = Path(source)
     mapping = mapping or MappingFile()
-    named = channels_of(open_table(source, mapping.csv), mapping.columns)
+    named = channels_of(open_table(source, mapping.csv), mapping)
     assignment = named.assignment
     if set(named.columns) <= {"t_s", "host_time_s"}:
         raise LogImportError(
@@ -128,7 +134,7 @@ def _declared(name: str, named: Channels, *, of_ours: bool) -> Declared | None:
     ends = (ours if of_ours else None) or _PLAUSIBLE.get(unit)
     if ends is None or kind != "float":
         return None
-    applied = name.startswith(_APPLIED)
+    applied = name.startswith(APPLIED)
     return Declared(
         name=name,
         unit=unit,

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from smad.errors import LogImportError
-from smad.records.channels import Channels, channels_of, hold_last_value, read_mapping
+from smad.records.channels import (
+    Channels,
+    MappingFile,
+    channels_of,
+    hold_last_value,
+    read_mapping,
+)
 from smad.records.column_names import ColumnRule
 from smad.records.csv_table import CsvFormat
 from smad.records.tables import left_out, open_table
@@ -96,7 +102,7 @@ def test_a_unit_that_is_given_to_stamps_is_refused(tmp_path: Path) -> None:
 
     def times(**rule: str) -> list[float]:
         rules = {"Zeit": ColumnRule("t_s", **rule)}
-        return list(channels_of(open_table(path), rules).columns["t_s"])
+        return list(channels_of(open_table(path), MappingFile(columns=rules)).columns["t_s"])
 
     assert times() == times(column_unit="s") == [0.0, 60.0]
     with pytest.raises(LogImportError, match="holds stamps, which are read in s; got min"):
@@ -176,3 +182,18 @@ def test_thousands_may_be_grouped_by_commas_and_blanks(tmp_path: Path) -> None:
 def test_a_number_in_force_until_the_next_one_is_held() -> None:
     column = np.array([np.nan, 3.0, np.nan, np.nan, 5.0, np.nan])
     np.testing.assert_array_equal(hold_last_value(column), [np.nan, 3.0, 3.0, 3.0, 5.0, 5.0])
+
+
+def test_inputs_that_act_after_their_row_are_those_of_the_next_interval(tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text('inputs_act = "after"\n')
+    (tmp_path / "a.csv").write_text(
+        "time_s,i_cmd_x_A,duty_x,drain_x,temp_x_degC\n0,1,0,0,20\n1,2,0.5,1,21\n2,3,1,0,22\n"
+    )
+    found = channels_of(open_table(tmp_path / "a.csv"), read_mapping(tmp_path / "m.toml")).columns
+    assert found["i_cmd_x_A"].tolist() == [1.0, 1.0, 2.0]
+    assert found["duty_x"].tolist() == [0.0, 0.0, 0.5]
+    assert found["drain_x"].tolist() == [0.0, 0.0, 1.0]
+    assert found["rtd_x_degC"].tolist() == [20.0, 21.0, 22.0]
+    (tmp_path / "m.toml").write_text('inputs_act = "next"\n')
+    with pytest.raises(LogImportError, match="inputs_act"):
+        read_mapping(tmp_path / "m.toml")
