@@ -1,7 +1,8 @@
 """Scores of the recovery bank.
 
-If other values of the parameters leave at most `AT_FLOOR` floors of the judged runs, these runs
-cannot show the effect. Every share is given twice: of all cases, and without those.
+If other values of the parameters leave at most `AT_FLOOR` floors of the judged runs, alone or with
+one effect of a pair, these runs cannot show the rest. Every share is given twice: of all cases, and
+without those.
 """
 
 from __future__ import annotations
@@ -45,9 +46,14 @@ def _whole(answer: Answer) -> SignalGap | None:
 
 
 def identifiable(answer: Answer) -> bool:
-    """Whether other values of the parameters alone leave more than `AT_FLOOR` floors."""
+    """Whether other values of the parameters leave more than `AT_FLOOR` floors, alone and with one
+    effect of a pair."""
     whole = _whole(answer)
-    return whole is None or whole.parameters >= AT_FLOOR
+    if whole is None or answer.verdict is None:
+        return True
+    first = answer.verdict.causes[:1] if answer.case.kind == PAIR else []
+    of_pair = [c.gap for c in first if c.name in answer.case.effects]
+    return min([whole.parameters, *of_pair]) >= AT_FLOOR
 
 
 def first_right(answer: Answer) -> bool:
