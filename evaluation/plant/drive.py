@@ -16,8 +16,6 @@ from evaluation.plant.layout import (
     ASKED,
     BUOYANT,
     CLOGGED,
-    CUSHION,
-    CUSHION_RATE,
     CUT_OUT,
     DIPPED,
     FLOW,
@@ -47,7 +45,6 @@ from evaluation.plant.layout import (
     TIRED,
     TURNING,
     UNCOUPLED,
-    VALVE_OPEN,
     X,
 )
 from evaluation.plant.parameters import index
@@ -70,10 +67,6 @@ CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
 SUCTION = slot("shared_suction")
 MEMBRANE = slot("tired_membrane")
-AIR_CUSHION = slot("air_cushion")
-THERMOSTAT = slot("wax_thermostat")
-SWALLOWED = slot("swallowed_pulses")
-WRONG_BIT = slot("wrong_bit")
 STARTING = slot("starting_pumps")
 CLOGGING = slot("clogged_strainer")
 THERMOSIPHON = slot("thermosiphon")
@@ -96,8 +89,6 @@ LIFTED = slot("lifted_outlet")
 GEARS = slot("beating_gears")
 
 CURRENT_LIMIT_A = 4.0
-CUSHION_RAD_S, CUSHION_DAMPING = 2.0 * math.pi * 0.2, 0.12
-BIT_A = 0.5  # what the wrong bit of a converter stands for
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
 REFRESHED_A = 5e-3  # change of a set value at which its hold is charged anew
 STARTS_PER_S = 1.0  # how fast a motor gains speed while its start disturbs a bus
@@ -155,10 +146,6 @@ def current(
         held = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
         side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], held, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
-    if e[s, WRONG_BIT] != 0.0 and math.floor(i / BIT_A) % 2.0 == 1.0:
-        i = max(i + e[s, WRONG_BIT], 0.0)
-    if e[s, SWALLOWED] > 0.0:
-        i *= 1.0 - math.exp(-((i / e[s, SWALLOWED]) ** 2))
     i *= max(0.1, 1.0 - e[0, STARTING] * pair[DIPPED])
     drawn_in = pair[X] if s == 0 else -pair[X]
     if drawn_in > SWITCHES_m:
@@ -236,8 +223,6 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
         slow = 10.0 if share > side[s, TIRED] else 25.0
         side[s, TIRED] = approach(side[s, TIRED], share, dt, slow)
         share *= 1.0 - min(e[s, MEMBRANE], 0.95) * min(side[s, TIRED], 1.0)
-    if e[s, THERMOSTAT] > 0.0:
-        share *= 1.0 - min(e[s, THERMOSTAT], 0.95) * (1.0 - side[s, VALVE_OPEN])
     if e[s, CLOGGING] > 0.0:
         side[s, CLOGGED] += dt * share / 8.0
         share *= 1.0 - min(e[s, CLOGGING], 0.95) * (1.0 - math.exp(-side[s, CLOGGED]))
@@ -246,12 +231,6 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     if side[s, RUN_ON] < SIPHON_S:
         share = max(share, e[s, SIPHON])
     share += e[s, THERMOSIPHON] * max(1.0 - side[s, PUMP], 0.0) * side[s, BUOYANT]
-    if e[s, AIR_CUSHION] > 0.0:
-        off = CUSHION_RAD_S * (share - side[s, CUSHION])
-        off -= 2.0 * CUSHION_DAMPING * side[s, CUSHION_RATE]
-        side[s, CUSHION_RATE] += dt * CUSHION_RAD_S * off
-        side[s, CUSHION] += dt * side[s, CUSHION_RATE]
-        share = max(share + min(e[s, AIR_CUSHION], 1.0) * (side[s, CUSHION] - share), 0.0)
     full = p[FULL_FLOW] * (p[Y_FLOW] if s == 1 else 1.0)
     return float(full * share)
 

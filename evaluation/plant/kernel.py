@@ -22,7 +22,6 @@ from evaluation.plant.layout import (
     CLAMP_WARM,
     COLUMNS,
     CORE_WARM,
-    DEAD_END,
     DRIVERS_WARM,
     DUTY_X,
     DUTY_Y,
@@ -59,7 +58,6 @@ from evaluation.plant.layout import (
     TIME,
     TRAILING,
     TURNED,
-    WARMTH_BEFORE,
     WET,
     T,
     W,
@@ -133,8 +131,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, CLAMP_WARM] = water_degC
     side[:, SEEN_BEFORE] = water_degC
     side[:, TAKEN_UP] = 1.2
-    side[:, DEAD_END] = water_degC
-    side[:, WARMTH_BEFORE] = water_degC
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
     pair[FORCE_X] = pair[FORCE_Y] = pair[CELL_SWING] = 1.2
     quiet = np.zeros(8)

@@ -54,17 +54,7 @@ CELL_WIDTH = PLAY + PLAYS
     LEAD_WARM,
     AVERAGED,
     SHRUNK,
-    FLUSHED,
     SLEEVED,
-    PRESSED_ON,
-    CURED,
-    CUSHION,
-    CUSHION_RATE,
-    VALVE_OPEN,
-    DEAD_END,
-    DRAWING_IN,
-    COOLING,
-    WARMTH_BEFORE,
     LEACHED,
     CLOGGED,
     BUOYANT,
@@ -117,7 +107,7 @@ CELL_WIDTH = PLAY + PLAYS
     TAKEN_UP,
     PIN,
     SIDE_WIDTH,
-) = range(95)
+) = range(85)
 
 (
     TIME,
@@ -135,7 +125,6 @@ CELL_WIDTH = PLAY + PLAYS
     SINK_WARM,
     INDEXED,
     SPONGE,
-    LARGEST_LOAD,
     DIPPED,
     DRAWN,
     STRAP,
@@ -160,7 +149,7 @@ CELL_WIDTH = PLAY + PLAYS
     CABLE,
     REPORTED,
     PAIR_WIDTH,
-) = range(40)
+) = range(39)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

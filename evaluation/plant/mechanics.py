@@ -16,7 +16,6 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
-    AMPERE,
     CAUGHT,
     CELLS,
     COMPLIANT,
@@ -75,9 +74,6 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
-DAMPING = slot("damping_martensite")
-DRAWN_CLIP = slot("clip_drawn_to_coils")
-ELECTROPLASTIC = slot("electroplastic")
 WARM_MARTENSITE = slot("warm_martensite")
 STIFFENS = slot("stiffening_austenite")
 RESTS = slot("ageing_at_rest")
@@ -130,7 +126,6 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     if e[s, MOBILE] > 0.0:
         total *= 1.0 + e[s, MOBILE] * side[s, RATE] / (side[s, RATE] + 0.03)
     total /= 1.0 + e[s, RESTS] * side[s, RESTED]
-    total *= 1.0 + e[s, ELECTROPLASTIC] * (side[s, AMPERE] / 4.0) ** 2
     side[s, COMPLIANT] = total / CELLS
     side[s, FREE_STRAIN] = strain / CELLS
 
@@ -196,18 +191,6 @@ def pull(
 
 
 @compiled
-def dissipated(s: int, longer: float, dt: float, e: Array, cells: Array) -> tuple[float, float]:
-    """Force (N) that martensite of `s` adds as it grows `longer` in a tick, and its slope."""
-    if e[s, DAMPING] <= 0.0:
-        return 0.0, 0.0
-    scale = 0.0
-    for i in range(CELLS):
-        scale += e[s, DAMPING] * cells[s, i, FRACTION] / CELLS
-    v = longer / dt / 5e-4
-    return scale * v / (abs(v) + 1.0), scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
-
-
-@compiled
 def resisting(
     x: float,
     before: float,
@@ -248,7 +231,6 @@ def resisting(
     flowing = side[0, FLOW] + side[1, FLOW]
     rubbing = e[0, GRIPPING] * flowing / full_flow
     rubbing += e[0, SHAKEN_FREE] * max(1.0 - flowing / full_flow, 0.0)
-    rubbing += e[0, DRAWN_CLIP] * (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
     rubbing += e[0, SEAL] * max(pair[SEAL_WARM], 0.0)
     rubbing += e[0, SKEWED] * (before / 5e-3) ** 2
     v = (x - before) / dt / 5e-4
@@ -292,13 +274,9 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         away = 0.5 * p[SPAN] - x - longer - play
         force_x, slope_x = pull(0, away, force_x, p, e, cells, side)
         against, slope_f, bristle = resisting(x, before, force_y, dt, p[FULL_FLOW], e, side, pair)
-        loss_x, damp_x = dissipated(0, before - x, dt, e, cells)
-        loss_y, damp_y = dissipated(1, x - before, dt, e, cells)
-        force_x += loss_x
-        force_y += loss_y
         residual = force_x - force_y - against
         own = slope_x * (1.0 + slope_t * slope_y + slope_p)
-        step = residual / (own + slope_y + slope_f + damp_x + damp_y)
+        step = residual / (own + slope_y + slope_f)
         if abs(step) < 1e-9:
             break
         if step > 0.0:

@@ -33,7 +33,6 @@ from evaluation.plant.layout import (
     IDLE,
     INDEXED,
     KNOCKED,
-    LARGEST_LOAD,
     LEAD_WARM,
     MISTED,
     OHM,
@@ -96,12 +95,6 @@ RIPPLE_FILTER = slot("ripple_filter")
 WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
-ON_WIRE = slot("rtd_on_straining_wire")
-MOTOR_LEAD = slot("motor_lead_on_rtd")
-SETTLING = slot("settling_encoder")
-OVERLOADED = slot("overloaded_cell")
-LOW_FIELD = slot("core_at_low_field")
-STROBED = slot("strobed_sense")
 SHARED_RETURN = slot("shared_return")
 GHOSTING = slot("ghosting_multiplexer")
 TIE = slot("creeping_tie")
@@ -185,7 +178,6 @@ def rtd(
             warm += (cells[1 - s, j, W] - 27.0) / CELLS
         side[s, LEAD_WARM] = approach(side[s, LEAD_WARM], warm / 20.0, dt, 8.0)
         reading += e[1 - s, RTD_LEAD] * side[s, LEAD_WARM]
-    reading += e[1 - s, MOTOR_LEAD] * side[1 - s, PUMP]
     switched = abs(side[1 - s, AMPERE] - side[s, OTHER_BEFORE]) / 4.0
     side[s, OTHER_BEFORE] = side[1 - s, AMPERE]
     side[s, KNOCKED] = approach(side[s, KNOCKED], 0.0, dt, 4.0) + switched
@@ -194,9 +186,6 @@ def rtd(
     for j in range(CELLS):
         soaked += (cells[s, j, W] - 27.0) / CELLS
     reading += e[s, INSULATION] * side[s, AMPERE] / 4.0 * max(soaked, 0.0) / 10.0
-    if e[s, ON_WIRE] != 0.0:
-        austenite = 1.0 - (1.0 - part) * cells[s, i, FRACTION] - part * cells[s, i + 1, FRACTION]
-        reading += e[s, ON_WIRE] * austenite
     side[s, TRAILING] = approach(side[s, TRAILING], reading, dt, HASTE_S)
     reading += e[s, MAKES_UP] * (reading - side[s, TRAILING]) / HASTE_S
     stuck = side[s, STUCK] + (side[s, RTD_B] - side[s, SEEN_BEFORE]) / STUCK_K
@@ -254,7 +243,6 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     if e[0, SLEEPS] > 0.0:
         reading -= awake(seen_mm, dt, e[0, SLEEPS], pair)
     reading *= max(0.1, 1.0 + e[0, SCALE_WARMS] * pair[DRIVERS_WARM])
-    reading += e[0, SETTLING] * (1.0 - math.exp(-pair[TIME] / 20.0))
     reading -= e[0, DRAGGED_HEAD] * pair[SPEED] / (abs(pair[SPEED]) + 5e-4)
     pair[YIELDED] = approach(pair[YIELDED], (pair[FORCE_X] - 1.24) / 0.4, dt, 6.0)
     reading += e[0, BRACKET] * pair[YIELDED]
@@ -290,8 +278,6 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     switched = (side[0, AMPERE] + side[1, AMPERE]) / 4.0
     pair[SETTLED] = approach(pair[SETTLED], switched, dt, 1.5)
     reading += e[0, KICKED] * (switched - pair[SETTLED])
-    pair[LARGEST_LOAD] = max(pair[LARGEST_LOAD], seen_N)
-    reading += e[0, OVERLOADED] * max(pair[LARGEST_LOAD] - 1.3, 0.0) / 0.3
     reading *= 1.0 - e[0, OBLIQUE] * (pair[X] / 5e-3) ** 2
     reading += e[0, PULSES] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 5e-4)
     off = CELL_RAD_S * (reading - pair[CELL_SWING])
@@ -328,7 +314,6 @@ def read(
     """All readings of one tick into `out`, in the order of `layout.READINGS`."""
     for s in range(2):
         out[s] = side[s, AMPERE]
-        out[s] *= 1.0 - min(e[s, LOW_FIELD], 0.95) * math.exp(-max(out[s], 0.0) / 0.8)
         side[s, REMANENT] = max(side[s, AMPERE] / 4.0, approach(side[s, REMANENT], 0.0, dt, 30.0))
         out[s] += e[s, REMANENCE] * side[s, REMANENT]
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
@@ -340,9 +325,6 @@ def read(
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         out[2 + s] += e[0, SHARED_RETURN] * side[1 - s, AMPERE]
-        turn = pair[TIME] / 9.0 + e[2, STROBED]
-        ripple = side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
-        out[2 + s] += e[s, STROBED] * ripple * math.sin(2.0 * math.pi * turn)
         out[2 + s] *= max(0.1, 1.0 + e[0, DIVIDER] * pair[DRIVERS_WARM])
         if e[s, MIST] > 0.0:
             share = side[s, FLOW] / p[FULL_FLOW]

@@ -48,7 +48,6 @@ from evaluation.plant.rarer import (
     DRIPPING,
     LAMP,
     ROD,
-    age,
     bend,
     elsewhere,
     follow,
@@ -58,7 +57,6 @@ from evaluation.plant.rarer import (
     settle,
     soak,
     trail,
-    wear,
 )
 from evaluation.plant.thermal import (
     FILM,
@@ -194,7 +192,7 @@ def coefficients(
         elsewhere(s, p, e, cells, side, pair, rows)
     if e[s, BENT] > 0.0:
         bend(s, e, pair, rows)
-    seldom(s, share, e, cells, side, pair, rows)
+    seldom(s, e, cells, side, pair, rows)
     if e[s, IONS] > 0.0:
         beside = e[s, IONS] * side[s, LEACHED]
         for i in range(CELLS):
@@ -294,8 +292,6 @@ def tube(
         gained = side[s, FLOW] * (cells[s, CELLS - 1, W] - source) * dt
         pair[RESERVOIR] += e[s, RESERVOIR_WARMS] * gained / 400.0
     remember(s, stress, p, e, cells, side, dt)
-    age(s, p, e, cells, side, dt)
-    wear(s, p, e, cells, side, pair, dt)
     soak(s, p, e, cells, side, dt)
     linger(s, p, e, cells, side, pair, dt)
     follow(s, p, cells, side, pair, dt)

@@ -28,7 +28,6 @@ from evaluation.plant.layout import (
     SINK_WARM,
     WET,
     W,
-    X,
 )
 
 Array = NDArray[np.float64]
@@ -36,7 +35,6 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
-ON_TENDON = slot("intake_on_tendon")
 DEPTH = slot("drawn_from_depth")
 TEE = slot("sucked_through_tee")
 BACKWASH = slot("warm_backwash")
@@ -112,7 +110,6 @@ def entering(
     backed = approach(side[s, BACKED_UP], cells[s, 0, W] - source, dt, 8.0)
     side[s, BACKED_UP] = backed * math.exp(-dt * side[s, FLOW] / 0.55 / 1.5)
     source += e[s, BACKWASH] * side[s, BACKED_UP]
-    source += e[0, ON_TENDON] * pair[X] / 5e-3
     if s == 0 and e[0, DEPTH] != 0.0:
         both = (side[0, FLOW] + side[1, FLOW]) / 0.55
         pair[DRAWN] = approach(pair[DRAWN], both, dt, 4.0)
