@@ -16,13 +16,16 @@ from evaluation.plant.layout import (
     ASKED,
     BUOYANT,
     CLOGGED,
+    COUNTED,
     CUT_OUT,
     DIPPED,
     FLOW,
     FREEWHEELING,
     FUSE_WARM,
     GLANCE,
+    HEAD_AIR,
     HEARD,
+    HELD_BACK,
     HELD_DOWN,
     HOLDING,
     LAG_A,
@@ -33,6 +36,7 @@ from evaluation.plant.layout import (
     PLUGGED,
     POLLED,
     PUMP,
+    RETURN_POT,
     RING_DUTY_X,
     RING_LENGTH,
     RUN_ON,
@@ -87,6 +91,10 @@ SLIP_RING = slot("worn_slip_ring")
 FUSE = slot("resettable_fuse")
 LIFTED = slot("lifted_outlet")
 GEARS = slot("beating_gears")
+COUNTS_HEAT = slot("hiccuping_fuse")
+INTERLOCK = slot("flow_interlock")
+HEAD = slot("air_in_pump_head")
+POT = slot("filling_return_pot")
 
 CURRENT_LIMIT_A = 4.0
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
@@ -96,6 +104,9 @@ SWITCHES_m, RELEASES_m = 3e-3, 1.5e-3  # own contraction at an end switch
 BEAT_S = 11.0  # how often two bridges switch together
 RING_m = 6e-3  # travel from one worn spot of a slip ring to the next
 GEARS_S = 7.0  # how often two worn gears meet again
+COUNTS_A2_S, HOLDS_S = 20.0, 1.5  # what an electronic fuse passes, then how long it holds back
+FALLS_BACK_S = 2.0  # how long a flow switch stays after its flow
+GATHERS_AT, BLOWN_OUT_AT = 0.05, 0.85  # speed of a pump whose head gathers air, or loses it
 PRIMED_AT, SIPHON_S = 0.1, 6.0  # speed of a pump that starts a siphon, how long it runs on
 SLIPS_AT, MEETS_AT = 0.4, 0.15  # duty ahead of a rotor that it slips at, duty that it waits for
 
@@ -160,6 +171,15 @@ def current(
     i *= 1.0 - min(e[s, SLIP_RING], 0.9) * worn * worn
     side[s, FUSE_WARM] = approach(side[s, FUSE_WARM], (side[s, AMPERE] / 4.0) ** 2, dt, 6.0)
     i *= 1.0 - min(e[s, FUSE], 0.9) * max(side[s, FUSE_WARM] - 0.2, 0.0)
+    if side[s, RUN_ON] < FALLS_BACK_S:
+        i *= 1.0 - min(e[s, INTERLOCK], 0.9)
+    if side[s, HELD_BACK] > 0.0:
+        i *= 1.0 - min(e[s, COUNTS_HEAT], 0.9)
+        side[s, HELD_BACK] -= dt
+    side[s, COUNTED] += dt * i * i
+    if side[s, COUNTED] > COUNTS_A2_S:
+        side[s, COUNTED] -= COUNTS_A2_S
+        side[s, HELD_BACK] = HOLDS_S
     if e[s, CHOKE] > 0.0:
         i = max(i, side[s, FREEWHEELING] - dt / e[s, CHOKE])
         side[s, FREEWHEELING] = i
@@ -217,6 +237,11 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     share *= max(1.0 - e[s, LIFTED] * drawn_in / 5e-3, 0.0)
     beat = math.sin(2.0 * math.pi * (pair[TIME] / GEARS_S + e[2, GEARS]))
     share *= 1.0 + min(e[s, GEARS], 0.95) * beat
+    if side[s, PUMP] > BLOWN_OUT_AT:
+        side[s, HEAD_AIR] = approach(side[s, HEAD_AIR], 0.0, dt, 0.5)
+    elif side[s, PUMP] > GATHERS_AT:
+        side[s, HEAD_AIR] = approach(side[s, HEAD_AIR], 1.0, dt, 5.0)
+    share *= 1.0 - min(e[s, HEAD], 0.95) * side[s, HEAD_AIR]
     if e[s, SHORTFALL] > 0.0 and share > 0.0:
         share = (1.0 - e[s, SHORTFALL]) * share ** (1.0 + e[s, SHORTFALL])
     if e[s, MEMBRANE] > 0.0:
@@ -257,6 +282,11 @@ def flows(p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) 
     throttled = 1.0 + e[0, NARROW] * ((x + y) / full) ** 2
     x /= throttled
     y /= throttled
+    pair[RETURN_POT] += dt / 6.0 * ((x + y) / full - math.sqrt(pair[RETURN_POT]))
+    pair[RETURN_POT] = max(pair[RETURN_POT], 0.0)
+    headless = max(1.0 - e[0, POT] * pair[RETURN_POT], 0.05)
+    x *= headless
+    y *= headless
     side[0, FLOW] = x + e[1, LEAK] * y**2 / full
     side[1, FLOW] = y + e[0, LEAK] * x**2 / full
     pair[TIME] += dt

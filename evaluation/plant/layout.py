@@ -106,8 +106,22 @@ CELL_WIDTH = PLAY + PLAYS
     HALL_WARM,
     TAKEN_UP,
     PIN,
+    COUNTED,
+    HELD_BACK,
+    DEFECTS,
+    HEAD_AIR,
+    OTHER_PLUME,
+    CELL_SOAK,
+    CELL_UNEVEN,
+    SWITCHED_AT,
+    BLANKED,
+    RUST,
+    LAST_SHOWN,
+    DRAGGED,
+    TWINS_RUB,
+    RUBBED_BEFORE,
     SIDE_WIDTH,
-) = range(85)
+) = range(99)
 
 (
     TIME,
@@ -148,8 +162,15 @@ CELL_WIDTH = PLAY + PLAYS
     TAPE,
     CABLE,
     REPORTED,
+    RETURN_POT,
+    LEVEL_LOST,
+    REFILLED,
+    WHEEL,
+    WHEEL_BEFORE,
+    RUN_IN,
+    COLLAR,
     PAIR_WIDTH,
-) = range(39)
+) = range(46)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

@@ -16,6 +16,8 @@ from evaluation.plant.layout import (
     AMPERE,
     BACK_STRESS,
     BUOYANT,
+    CELL_SOAK,
+    CELL_UNEVEN,
     CELLS,
     CHARGED,
     CLAMP_WARM,
@@ -26,6 +28,7 @@ from evaluation.plant.layout import (
     CREPT,
     CUT_OUT,
     DAMP,
+    DRAGGED,
     DRIVERS_WARM,
     FLOW,
     FORCE_X,
@@ -36,11 +39,14 @@ from evaluation.plant.layout import (
     LOADED,
     MOLTEN,
     MOTOR_WARM,
+    OTHER_PLUME,
     OXIDE,
     PIN,
     PLUGGED,
     PUMP,
     RATE,
+    RUBBED_BEFORE,
+    RUST,
     SHARE_BEFORE,
     SILT,
     SLEEVED,
@@ -49,6 +55,7 @@ from evaluation.plant.layout import (
     TENSION_BEFORE,
     TIME,
     TWINS,
+    TWINS_RUB,
     T,
     W,
     X,
@@ -99,11 +106,16 @@ FLAKES = slot("stirred_up_flakes")
 LAGGING = slot("shifted_lagging")
 MOTOR_FAN = slot("fan_on_other_motor")
 CLAMP = slot("massive_clamp")
+RUSTS = slot("rusty_feed")
+ON_FRAME = slot("tube_against_frame")
+PLUME = slot("plume_of_other_tube")
+END_STRAP = slot("strap_between_ends")
 
 CORE_J_K, CLAMP_J_K = 1.0, 3.0
 GEL_degC, GEL_J = 38.0, 12.0  # where a gel melts, and what that takes
 CUTS_degC, MAKES_degC = 46.0, 40.0  # wire at which a bimetal beside it opens and closes
 PIN_SHIFTS_N, PIN_RETURNS_N = 1.5, 1.3  # load at which an anchor's pin shifts and returns
+RUBS_N = 0.25  # change of load over which rubbing twins turn round
 FAN_S = 18.0  # how long a fan takes to come back
 STRAND_m = 1.5e-3  # travel that parts a broken strand wholly
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
@@ -173,6 +185,11 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
     drawn_in = pair[X] if s == 0 else -pair[X]
     wetter *= 1.0 + e[s, LAGGING] * min(max(drawn_in / 4e-3, 0.0), 1.0)
     wetter *= 1.0 + e[1 - s, MOTOR_FAN] * side[1 - s, PUMP]
+    stirred /= 1.0 + e[s, RUSTS] * side[s, RUST]
+    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+    framed = e[s, ON_FRAME] * min(max((tension - 1.24) / 0.4, 0.0), 1.0) / CELLS
+    warmer = cells[1 - s, CELLS - 1, T] - cells[s, CELLS - 1, T]
+    rows[CELLS - 1, HEAT_WIRE] += e[0, END_STRAP] * warmer
     rows[0, HEAT_WIRE] += e[s, CLAMP] * (side[s, CLAMP_WARM] - cells[s, 0, T])
     rows[CELLS - 1, TO_CLAMP] += e[s, SPRAYED] * side[s, CLAMP_WET]
     melting = e[s, GEL] * gel_over(s, cells, side)
@@ -183,6 +200,8 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
         rows[i, HEAT_WATER] += e[s, MOTOR_BELOW] * side[s, MOTOR_WARM] / CELLS
         rows[i, FILM] *= stirred * (1.0 + e[s, RELIEF] * cells[s, i, FRACTION])
         rows[i, LOSS] *= wetter
+        rows[i, LOSS] += framed
+        rows[i, HEAT_WATER] += e[1 - s, PLUME] * side[s, OTHER_PLUME] / CELLS
         rows[i, SHIFT_HEAT] -= lower
         rows[i, SHIFT_COOL] -= lower + e[s, NUCLEI] * max(1.0 - cells[s, i, FRACTION] / 0.4, 0.0)
     rows[0, HEAT_WIRE] += 0.5 * e[s, HOT_CRIMP] * side[s, CONTACT]
@@ -283,3 +302,25 @@ def trail(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt
         side[s, PIN] = approach(side[s, PIN], 1.0, dt, 0.3)
     elif tension < PIN_RETURNS_N:
         side[s, PIN] = approach(side[s, PIN], 0.0, dt, 0.3)
+
+
+@compiled
+def haunt(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Update what stays about spring `s`: a plume, rust, warmth in a load cell, interfaces."""
+    fraction = 0.0
+    beside = 0.0
+    for i in range(CELLS):
+        fraction += cells[s, i, FRACTION] / CELLS
+        beside += (cells[1 - s, i, W] - 27.0) / CELLS
+    side[s, OTHER_PLUME] = approach(side[s, OTHER_PLUME], max(beside, 0.0) / 10.0, dt, 5.0)
+    warm = (cells[s, CELLS - 1, W] - 27.0) / 20.0
+    side[s, CELL_SOAK] = approach(side[s, CELL_SOAK], warm, dt, 10.0)
+    side[s, CELL_UNEVEN] = warm - side[s, CELL_SOAK]
+    side[s, DRAGGED] = approach(side[s, DRAGGED], side[s, RATE] / (side[s, RATE] + 0.05), dt, 3.0)
+    side[s, RUST] += dt * side[s, FLOW] / p[FULL_FLOW] / 20.0
+    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+    # Over 0.3 s: a strain that followed the load at once would be found one tick late.
+    taken = approach(side[s, RUBBED_BEFORE], tension, dt, 0.3)
+    rubbed = side[s, TWINS_RUB] + (taken - side[s, RUBBED_BEFORE]) / RUBS_N
+    side[s, TWINS_RUB] = min(max(rubbed, -1.0), 1.0)
+    side[s, RUBBED_BEFORE] = taken

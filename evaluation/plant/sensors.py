@@ -14,9 +14,11 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
     AVERAGED,
+    BLANKED,
     CABLE,
     CELL_SWING,
     CELL_SWING_RATE,
+    CELL_UNEVEN,
     CELLS,
     COIL_LAG,
     CONTACT,
@@ -33,6 +35,7 @@ from evaluation.plant.layout import (
     IDLE,
     INDEXED,
     KNOCKED,
+    LAST_SHOWN,
     LEAD_WARM,
     MISTED,
     OHM,
@@ -59,11 +62,14 @@ from evaluation.plant.layout import (
     SPEED,
     STEM,
     STUCK,
+    SWITCHED_AT,
     TAPE,
     TIME,
     TORN_AT,
     TRAILING,
     TURNED,
+    WHEEL,
+    WHEEL_BEFORE,
     YIELDED,
     T,
     W,
@@ -133,9 +139,19 @@ BOWED = slot("bowed_scale")
 RUBS = slot("rubbing_cable")
 THRIFTY = slot("thrifty_converter")
 ON_RETURN = slot("hall_on_hose")
+RMS = slot("rms_voltmeter")
+PAST_MAGNET = slot("rtd_leads_past_magnet")
+BLANKS = slot("blanked_transmitter")
+LEVER = slot("lever_on_encoder")
+SOFT_WHEEL = slot("soft_measuring_wheel")
+GRADIENT = slot("gradient_in_cell")
+CARRIER = slot("beating_carrier")
+SWAYING = slot("swaying_lead")
 
 CELL_RAD_S, CELL_DAMPING = 2.0 * math.pi * 0.2, 0.12  # slow enough for the load to excite it
 MISSED_S = 13.0  # after which two clocks are a whole sample apart
+BLANKS_A = 0.5  # change of its current that blanks an RTD's transmitter
+CARRIER_S = 5.5  # how often a carrier beats with the chopped currents
 ZEROS_S, HASTE_S = 7.0, 0.5  # between zeros of a voltmeter; over which an RTD's rate is taken
 TORN_mm = 0.1  # half a torn line's length
 STUCK_K, RUBS_m = 4.0, 1e-3  # how far a winding and a cable give before they slip
@@ -202,6 +218,13 @@ def rtd(
         most = 10.0 * dt / e[s, SLEWS]
         side[s, SHOWN] += min(max(reading - side[s, SHOWN], -most), most)
         reading = side[s, SHOWN]
+    reading += e[s, PAST_MAGNET] * (pair[SPEED] if s == 0 else -pair[SPEED]) / 5e-3
+    if abs(side[s, AMPERE] - side[s, SWITCHED_AT]) > BLANKS_A:
+        side[s, SWITCHED_AT] = side[s, AMPERE]
+        side[s, BLANKED] = e[s, BLANKS]
+    reading += min(side[s, BLANKED] / dt, 1.0) * (side[s, LAST_SHOWN] - reading)
+    side[s, BLANKED] = max(side[s, BLANKED] - dt, 0.0)
+    side[s, LAST_SHOWN] = reading
     return float(reading)
 
 
@@ -247,6 +270,11 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     pair[YIELDED] = approach(pair[YIELDED], (pair[FORCE_X] - 1.24) / 0.4, dt, 6.0)
     reading += e[0, BRACKET] * pair[YIELDED]
     reading += e[0, BOWED] * (seen_mm / 5.0) ** 2
+    reading += e[0, LEVER] * (seen_mm / 5.0) ** 3
+    pressed = (pair[FORCE_X] - 1.24) / 0.4
+    pair[WHEEL] += pressed * (seen_mm - pair[WHEEL_BEFORE])
+    pair[WHEEL_BEFORE] = seen_mm
+    reading += e[0, SOFT_WHEEL] * pair[WHEEL]
     pair[TAPE] = approach(pair[TAPE], reading, dt, 5.0)
     reading -= e[0, SOFT_TAPE] * (reading - pair[TAPE])
     time = pair[TIME]
@@ -286,9 +314,13 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     pair[CELL_SWING] += dt * pair[CELL_SWING_RATE]
     reading += e[0, CELL_RINGS] * (pair[CELL_SWING] - reading)
     reading += e[0, GHOST] * (side[1, RTD_B] - 27.0) / 20.0
+    reading += e[0, GRADIENT] * side[0, CELL_UNEVEN]
+    beat = time / CARRIER_S + e[2, CARRIER]
     for s in range(2):
         ampere = side[s, AMPERE]
+        rippling = ampere * max(4.0 - ampere, 0.0) / 4.0
         reading += e[0, RIPPLE] * ampere * max(4.0 - ampere, 0.0) / 4.0
+        reading += e[0, CARRIER] * rippling * math.sin(2.0 * math.pi * beat)
     pair[CABLE] = min(max(pair[CABLE] + dt * pair[SPEED] / RUBS_m, -1.0), 1.0)
     reading += e[0, RUBS] * pair[CABLE]
     if abs(reading - CODE_N) < e[0, MISSING]:
@@ -322,10 +354,14 @@ def read(
         side[s, COIL_LAG] = approach(side[s, COIL_LAG], out[s], dt, 2.0)
         out[s] += e[s, OVERSHOOTS] * (out[s] - side[s, COIL_LAG])
         out[s] *= max(0.1, 1.0 + e[s, ON_RETURN] * side[s, HALL_WARM])
+        drawn_in = pair[X] if s == 0 else -pair[X]
+        out[s] /= max(0.3, 1.0 + e[s, SWAYING] * drawn_in / 5e-3)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         out[2 + s] += e[0, SHARED_RETURN] * side[1 - s, AMPERE]
         out[2 + s] *= max(0.1, 1.0 + e[0, DIVIDER] * pair[DRIVERS_WARM])
+        heard = max(out[2 + s], 0.0)
+        out[2 + s] += e[s, RMS] * (math.sqrt(heard * p[SUPPLY]) - heard)
         if e[s, MIST] > 0.0:
             share = side[s, FLOW] / p[FULL_FLOW]
             slow = 3.0 if share > side[s, MISTED] else 15.0

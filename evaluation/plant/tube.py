@@ -18,6 +18,7 @@ from evaluation.plant.layout import (
     CONTACT,
     COOLED_FROM,
     CORRODED,
+    DEFECTS,
     FLOW,
     FRACTION,
     HEATED_FROM,
@@ -51,6 +52,7 @@ from evaluation.plant.rarer import (
     bend,
     elsewhere,
     follow,
+    haunt,
     joints,
     linger,
     seldom,
@@ -110,6 +112,7 @@ WARM_LATENT = slot("warm_latent")
 PINNED = slot("freed_interfaces")
 INTERFACES = slot("scattering_interfaces")
 OF_REST = slot("latent_of_rest")
+HEALING = slot("healing_defects")
 
 
 @compiled
@@ -118,6 +121,7 @@ def resistance(s: int, p: Array, e: Array, cells: Array, side: Array, heat: Arra
     base = p[RESISTANCE] * (p[Y_RESISTANCE] if s == 1 else 1.0)
     if e[s, CORRODING] > 0.0:
         base *= 1.0 + min(e[s, CORRODING] * side[s, CORRODED], 2.0)
+    base *= 1.0 + e[s, HEALING] * side[s, DEFECTS]
     beside = 1.0 + e[s, IONS] * side[s, LEACHED]
     base /= beside * beside
     total = 0.0
@@ -206,6 +210,7 @@ def remember(
 ) -> None:
     """Update what each cell remembers after its fraction has moved."""
     moved_all = 0.0
+    formed = 0.0
     mean = 0.0
     warmth = 0.0
     turned_new = turned_by(stress, p)
@@ -225,6 +230,7 @@ def remember(
             cell[COOLED_FROM] = cell[FRACTION]
         cell[FRACTION] = fraction
         moved_all += abs(moved) / CELLS
+        formed += max(moved, 0.0) / CELLS
         mean += fraction / CELLS
         warmth += cell[T] / CELLS
         if e[s, R_PHASES] > 0.0 or e[s, RESISTIVITY] > 0.0:
@@ -247,6 +253,7 @@ def remember(
         side[s, MIXED] = approach(side[s, MIXED], 0.0, dt, 2.0)
     side[s, RESTED] = approach(side[s, RESTED], 1.0, dt, 15.0) * math.exp(-moved_all / 0.3)
     side[s, WORK_DONE] += moved_all
+    side[s, DEFECTS] = approach(side[s, DEFECTS], 0.0, dt, 10.0) + formed
     side[s, RATE] = approach(side[s, RATE], moved_all / dt, dt, 0.3)
 
 
@@ -296,5 +303,6 @@ def tube(
     linger(s, p, e, cells, side, pair, dt)
     follow(s, p, cells, side, pair, dt)
     trail(s, p, e, cells, side, pair, dt)
+    haunt(s, p, cells, side, pair, dt)
     settle(s, e, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)

@@ -21,8 +21,10 @@ from evaluation.plant.layout import (
     DRAWN,
     FILL,
     FLOW,
+    LEVEL_LOST,
     PLATE_WARM,
     POCKET,
+    REFILLED,
     RESERVOIR,
     RETURNED,
     SINK_WARM,
@@ -40,10 +42,12 @@ TEE = slot("sucked_through_tee")
 BACKWASH = slot("warm_backwash")
 CHILLER = slot("relay_chiller")
 COOLED_DRIVER = slot("water_cooled_driver")
+FLOAT_VALVE = slot("float_valve")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
 POCKET_S = 0.5
+REFILLS_AFTER_S = 8.0  # of one tube's full flow, before a float valve opens
 CHILLS_AT, RESTS_AT = 0.5, 0.25  # of the warmth that has returned, at a chiller's bulb
 
 
@@ -98,6 +102,16 @@ def chill(cells: Array, side: Array, pair: Array, dt: float) -> None:
 
 
 @compiled
+def refill(side: Array, pair: Array, dt: float) -> None:
+    """Let a float valve refill the vessel each time that so much has been pumped."""
+    pair[LEVEL_LOST] += dt * (side[0, FLOW] + side[1, FLOW]) / 0.55
+    pair[REFILLED] = approach(pair[REFILLED], 0.0, dt, 8.0)
+    if pair[LEVEL_LOST] > REFILLS_AFTER_S:
+        pair[LEVEL_LOST] -= REFILLS_AFTER_S
+        pair[REFILLED] += 1.0
+
+
+@compiled
 def entering(
     s: int, inlet: float, dt: float, e: Array, cells: Array, side: Array, pair: Array
 ) -> float:
@@ -116,7 +130,9 @@ def entering(
     source += e[0, DEPTH] * pair[DRAWN]
     if s == 0:
         chill(cells, side, pair, dt)
+        refill(side, pair, dt)
     source -= e[0, CHILLER] * pair[CHILLED_BY]
+    source -= e[0, FLOAT_VALVE] * pair[REFILLED]
     lost = side[s, PLATE_WARM] * (1.0 + 6.0 * side[s, FLOW] / 0.55) / 20.0
     side[s, PLATE_WARM] += dt * ((side[s, AMPERE] / 4.0) ** 2 / 4.0 - lost)
     source += e[s, COOLED_DRIVER] * side[s, PLATE_WARM]
