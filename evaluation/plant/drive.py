@@ -16,15 +16,16 @@ from evaluation.plant.layout import (
     ASKED,
     BUOYANT,
     CLOGGED,
-    CUSHION,
-    CUSHION_RATE,
+    COUNTED,
     CUT_OUT,
     DIPPED,
     FLOW,
     FREEWHEELING,
     FUSE_WARM,
     GLANCE,
+    HEAD_AIR,
     HEARD,
+    HELD_BACK,
     HELD_DOWN,
     HOLDING,
     LAG_A,
@@ -35,6 +36,7 @@ from evaluation.plant.layout import (
     PLUGGED,
     POLLED,
     PUMP,
+    RETURN_POT,
     RING_DUTY_X,
     RING_LENGTH,
     RUN_ON,
@@ -47,7 +49,6 @@ from evaluation.plant.layout import (
     TIRED,
     TURNING,
     UNCOUPLED,
-    VALVE_OPEN,
     X,
 )
 from evaluation.plant.parameters import index
@@ -70,10 +71,6 @@ CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
 SUCTION = slot("shared_suction")
 MEMBRANE = slot("tired_membrane")
-AIR_CUSHION = slot("air_cushion")
-THERMOSTAT = slot("wax_thermostat")
-SWALLOWED = slot("swallowed_pulses")
-WRONG_BIT = slot("wrong_bit")
 STARTING = slot("starting_pumps")
 CLOGGING = slot("clogged_strainer")
 THERMOSIPHON = slot("thermosiphon")
@@ -94,10 +91,12 @@ SLIP_RING = slot("worn_slip_ring")
 FUSE = slot("resettable_fuse")
 LIFTED = slot("lifted_outlet")
 GEARS = slot("beating_gears")
+COUNTS_HEAT = slot("hiccuping_fuse")
+INTERLOCK = slot("flow_interlock")
+HEAD = slot("air_in_pump_head")
+POT = slot("filling_return_pot")
 
 CURRENT_LIMIT_A = 4.0
-CUSHION_RAD_S, CUSHION_DAMPING = 2.0 * math.pi * 0.2, 0.12
-BIT_A = 0.5  # what the wrong bit of a converter stands for
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
 REFRESHED_A = 5e-3  # change of a set value at which its hold is charged anew
 STARTS_PER_S = 1.0  # how fast a motor gains speed while its start disturbs a bus
@@ -105,6 +104,9 @@ SWITCHES_m, RELEASES_m = 3e-3, 1.5e-3  # own contraction at an end switch
 BEAT_S = 11.0  # how often two bridges switch together
 RING_m = 6e-3  # travel from one worn spot of a slip ring to the next
 GEARS_S = 7.0  # how often two worn gears meet again
+COUNTS_A2_S, HOLDS_S = 20.0, 1.5  # what an electronic fuse passes, then how long it holds back
+FALLS_BACK_S = 2.0  # how long a flow switch stays after its flow
+GATHERS_AT, BLOWN_OUT_AT = 0.05, 0.85  # speed of a pump whose head gathers air, or loses it
 PRIMED_AT, SIPHON_S = 0.1, 6.0  # speed of a pump that starts a siphon, how long it runs on
 SLIPS_AT, MEETS_AT = 0.4, 0.15  # duty ahead of a rotor that it slips at, duty that it waits for
 
@@ -155,10 +157,6 @@ def current(
         held = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
         side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], held, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
-    if e[s, WRONG_BIT] != 0.0 and math.floor(i / BIT_A) % 2.0 == 1.0:
-        i = max(i + e[s, WRONG_BIT], 0.0)
-    if e[s, SWALLOWED] > 0.0:
-        i *= 1.0 - math.exp(-((i / e[s, SWALLOWED]) ** 2))
     i *= max(0.1, 1.0 - e[0, STARTING] * pair[DIPPED])
     drawn_in = pair[X] if s == 0 else -pair[X]
     if drawn_in > SWITCHES_m:
@@ -173,6 +171,15 @@ def current(
     i *= 1.0 - min(e[s, SLIP_RING], 0.9) * worn * worn
     side[s, FUSE_WARM] = approach(side[s, FUSE_WARM], (side[s, AMPERE] / 4.0) ** 2, dt, 6.0)
     i *= 1.0 - min(e[s, FUSE], 0.9) * max(side[s, FUSE_WARM] - 0.2, 0.0)
+    if side[s, RUN_ON] < FALLS_BACK_S:
+        i *= 1.0 - min(e[s, INTERLOCK], 0.9)
+    if side[s, HELD_BACK] > 0.0:
+        i *= 1.0 - min(e[s, COUNTS_HEAT], 0.9)
+        side[s, HELD_BACK] -= dt
+    side[s, COUNTED] += dt * i * i
+    if side[s, COUNTED] > COUNTS_A2_S:
+        side[s, COUNTED] -= COUNTS_A2_S
+        side[s, HELD_BACK] = HOLDS_S
     if e[s, CHOKE] > 0.0:
         i = max(i, side[s, FREEWHEELING] - dt / e[s, CHOKE])
         side[s, FREEWHEELING] = i
@@ -230,14 +237,17 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     share *= max(1.0 - e[s, LIFTED] * drawn_in / 5e-3, 0.0)
     beat = math.sin(2.0 * math.pi * (pair[TIME] / GEARS_S + e[2, GEARS]))
     share *= 1.0 + min(e[s, GEARS], 0.95) * beat
+    if side[s, PUMP] > BLOWN_OUT_AT:
+        side[s, HEAD_AIR] = approach(side[s, HEAD_AIR], 0.0, dt, 0.5)
+    elif side[s, PUMP] > GATHERS_AT:
+        side[s, HEAD_AIR] = approach(side[s, HEAD_AIR], 1.0, dt, 5.0)
+    share *= 1.0 - min(e[s, HEAD], 0.95) * side[s, HEAD_AIR]
     if e[s, SHORTFALL] > 0.0 and share > 0.0:
         share = (1.0 - e[s, SHORTFALL]) * share ** (1.0 + e[s, SHORTFALL])
     if e[s, MEMBRANE] > 0.0:
         slow = 10.0 if share > side[s, TIRED] else 25.0
         side[s, TIRED] = approach(side[s, TIRED], share, dt, slow)
         share *= 1.0 - min(e[s, MEMBRANE], 0.95) * min(side[s, TIRED], 1.0)
-    if e[s, THERMOSTAT] > 0.0:
-        share *= 1.0 - min(e[s, THERMOSTAT], 0.95) * (1.0 - side[s, VALVE_OPEN])
     if e[s, CLOGGING] > 0.0:
         side[s, CLOGGED] += dt * share / 8.0
         share *= 1.0 - min(e[s, CLOGGING], 0.95) * (1.0 - math.exp(-side[s, CLOGGED]))
@@ -246,12 +256,6 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     if side[s, RUN_ON] < SIPHON_S:
         share = max(share, e[s, SIPHON])
     share += e[s, THERMOSIPHON] * max(1.0 - side[s, PUMP], 0.0) * side[s, BUOYANT]
-    if e[s, AIR_CUSHION] > 0.0:
-        off = CUSHION_RAD_S * (share - side[s, CUSHION])
-        off -= 2.0 * CUSHION_DAMPING * side[s, CUSHION_RATE]
-        side[s, CUSHION_RATE] += dt * CUSHION_RAD_S * off
-        side[s, CUSHION] += dt * side[s, CUSHION_RATE]
-        share = max(share + min(e[s, AIR_CUSHION], 1.0) * (side[s, CUSHION] - share), 0.0)
     full = p[FULL_FLOW] * (p[Y_FLOW] if s == 1 else 1.0)
     return float(full * share)
 
@@ -278,6 +282,11 @@ def flows(p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) 
     throttled = 1.0 + e[0, NARROW] * ((x + y) / full) ** 2
     x /= throttled
     y /= throttled
+    pair[RETURN_POT] += dt / 6.0 * ((x + y) / full - math.sqrt(pair[RETURN_POT]))
+    pair[RETURN_POT] = max(pair[RETURN_POT], 0.0)
+    headless = max(1.0 - e[0, POT] * pair[RETURN_POT], 0.05)
+    x *= headless
+    y *= headless
     side[0, FLOW] = x + e[1, LEAK] * y**2 / full
     side[1, FLOW] = y + e[0, LEAK] * x**2 / full
     pair[TIME] += dt

@@ -24,11 +24,6 @@ SIGNED = (
             "convection_exponent",
             "stress_latent_heat",
             "motor_beside_sensor",
-            "intake_on_tendon",
-            "rtd_on_straining_wire",
-            "settling_encoder",
-            "relaxing_lattice",
-            "wrong_bit",
             "drawn_from_depth",
             "creeping_tie",
             "remanent_core",
@@ -39,6 +34,9 @@ SIGNED = (
             "warm_latent",
             "bracket_on_hoses",
             "ghost_of_rtd",
+            "bowed_scale",
+            "hall_on_hose",
+            "wrong_table_entry",
         )
     )
     | sealed.SIGNED

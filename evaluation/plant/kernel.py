@@ -22,7 +22,6 @@ from evaluation.plant.layout import (
     CLAMP_WARM,
     COLUMNS,
     CORE_WARM,
-    DEAD_END,
     DRIVERS_WARM,
     DUTY_X,
     DUTY_Y,
@@ -34,6 +33,7 @@ from evaluation.plant.layout import (
     HEATED_FROM,
     I_X,
     INLET,
+    LAST_SHOWN,
     LUCK_X,
     OHM,
     OXIDE,
@@ -46,6 +46,7 @@ from evaluation.plant.layout import (
     RINGS,
     RTD_A,
     RTD_B,
+    RUBBED_BEFORE,
     RUN_ON,
     SEEN_BEFORE,
     SHOWN,
@@ -59,7 +60,6 @@ from evaluation.plant.layout import (
     TIME,
     TRAILING,
     TURNED,
-    WARMTH_BEFORE,
     WET,
     T,
     W,
@@ -133,8 +133,8 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, CLAMP_WARM] = water_degC
     side[:, SEEN_BEFORE] = water_degC
     side[:, TAKEN_UP] = 1.2
-    side[:, DEAD_END] = water_degC
-    side[:, WARMTH_BEFORE] = water_degC
+    side[:, LAST_SHOWN] = water_degC
+    side[:, RUBBED_BEFORE] = 1.2
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
     pair[FORCE_X] = pair[FORCE_Y] = pair[CELL_SWING] = 1.2
     quiet = np.zeros(8)

@@ -16,9 +16,9 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
-    AMPERE,
     CAUGHT,
     CELLS,
+    COLLAR,
     COMPLIANT,
     CREPT,
     FILL,
@@ -33,6 +33,7 @@ from evaluation.plant.layout import (
     R_PHASE,
     RATE,
     RESTED,
+    RUN_IN,
     SEAL_WARM,
     SHRUNK,
     SLID,
@@ -40,6 +41,7 @@ from evaluation.plant.layout import (
     SPONGE,
     TURNED,
     TWINS,
+    TWINS_RUB,
     WORK_DONE,
     T,
     W,
@@ -75,9 +77,6 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
-DAMPING = slot("damping_martensite")
-DRAWN_CLIP = slot("clip_drawn_to_coils")
-ELECTROPLASTIC = slot("electroplastic")
 WARM_MARTENSITE = slot("warm_martensite")
 STIFFENS = slot("stiffening_austenite")
 RESTS = slot("ageing_at_rest")
@@ -93,10 +92,16 @@ REMNANTS = slot("reverting_remnants")
 LEAF = slot("folding_leaf")
 SKEWED = slot("skewed_guide")
 SHIFTS = slot("shifting_pin")
+TWINS_RUBBING = slot("rubbing_twins")
+RUNS_IN = slot("running_in_guide")
+PUSHED = slot("pushed_collar")
+PAWL = slot("pawl_on_rack")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 VANE_m, GAIN_m_s2 = 2e-3, 0.02  # half of a braked vane, and a heavy pulley's acceleration
+RUN_IN_m, TOOTH_m = 3e-2, 2.5e-3  # way over which a guide runs in, and from tooth to tooth
+COLLAR_m, GRIPS_m = 1.5e-3, 3e-4  # half a collar's play, and how far it gives
 PIT_m, CATCH_m = 2e-3, 5e-4  # how long a pitted part of a guide is, and how far it gives
 
 
@@ -109,9 +114,11 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         strain *= 1.0 - 0.02 * e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
     total = 0.0
     across = 0.0
+    martensite = 0.0
     reverted = 0.0
     for i in range(CELLS):
         fraction = cells[s, i, FRACTION]
+        martensite += fraction / CELLS
         across += (cells[s, i, T] - cells[s, i, W]) / CELLS
         reverted += min(max(cells[s, i, T] - 42.0, 0.0) / 10.0, 1.0) / CELLS
         softness = 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
@@ -125,12 +132,12 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     side[s, GROWN] += 1e-3 * e[s, CHILLED] * across / 10.0
     side[s, GROWN] += 1e-3 * e[s, PRESSURE] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
     side[s, GROWN] += 1e-3 * e[s, TWINS_FOLLOW] * side[s, TWINS]
+    side[s, GROWN] += 1e-3 * e[s, TWINS_RUBBING] * martensite * side[s, TWINS_RUB]
     side[s, GROWN] += 1e-3 * (e[s, SHIFTS] * side[s, PIN] - e[s, REMNANTS] * reverted)
     side[s, GROWN] -= 1e-3 * (e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, MOBILE] > 0.0:
         total *= 1.0 + e[s, MOBILE] * side[s, RATE] / (side[s, RATE] + 0.03)
     total /= 1.0 + e[s, RESTS] * side[s, RESTED]
-    total *= 1.0 + e[s, ELECTROPLASTIC] * (side[s, AMPERE] / 4.0) ** 2
     side[s, COMPLIANT] = total / CELLS
     side[s, FREE_STRAIN] = strain / CELLS
 
@@ -196,18 +203,6 @@ def pull(
 
 
 @compiled
-def dissipated(s: int, longer: float, dt: float, e: Array, cells: Array) -> tuple[float, float]:
-    """Force (N) that martensite of `s` adds as it grows `longer` in a tick, and its slope."""
-    if e[s, DAMPING] <= 0.0:
-        return 0.0, 0.0
-    scale = 0.0
-    for i in range(CELLS):
-        scale += e[s, DAMPING] * cells[s, i, FRACTION] / CELLS
-    v = longer / dt / 5e-4
-    return scale * v / (abs(v) + 1.0), scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
-
-
-@compiled
 def resisting(
     x: float,
     before: float,
@@ -248,9 +243,12 @@ def resisting(
     flowing = side[0, FLOW] + side[1, FLOW]
     rubbing = e[0, GRIPPING] * flowing / full_flow
     rubbing += e[0, SHAKEN_FREE] * max(1.0 - flowing / full_flow, 0.0)
-    rubbing += e[0, DRAWN_CLIP] * (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
     rubbing += e[0, SEAL] * max(pair[SEAL_WARM], 0.0)
     rubbing += e[0, SKEWED] * (before / 5e-3) ** 2
+    rubbing += e[0, RUNS_IN] * math.exp(-pair[RUN_IN] / RUN_IN_m)
+    if x > before:
+        teeth = before / TOOTH_m + e[2, PAWL]
+        rubbing += e[0, PAWL] * (teeth - math.floor(teeth))
     v = (x - before) / dt / 5e-4
     total += rubbing * v / (abs(v) + 1.0)
     slope += rubbing / (abs(v) + 1.0) ** 2 / dt / 5e-4
@@ -268,6 +266,10 @@ def resisting(
         caught = pair[CAUGHT] + (x - before) / CATCH_m
         total += scale * min(max(caught, -1.0), 1.0)
         slope += scale / CATCH_m if abs(caught) < 1.0 else 0.0
+    moved = pair[COLLAR] + (x - before)
+    over = abs(moved) - COLLAR_m
+    total += math.copysign(e[0, PUSHED] * min(max(over / GRIPS_m, 0.0), 1.0), moved)
+    slope += e[0, PUSHED] / GRIPS_m if 0.0 < over < GRIPS_m else 0.0
     hung, stiff = tied(x, e, pair)
     hung += jets(full_flow, e, side)
     return total + hung, slope + stiff, bristle
@@ -292,13 +294,9 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         away = 0.5 * p[SPAN] - x - longer - play
         force_x, slope_x = pull(0, away, force_x, p, e, cells, side)
         against, slope_f, bristle = resisting(x, before, force_y, dt, p[FULL_FLOW], e, side, pair)
-        loss_x, damp_x = dissipated(0, before - x, dt, e, cells)
-        loss_y, damp_y = dissipated(1, x - before, dt, e, cells)
-        force_x += loss_x
-        force_y += loss_y
         residual = force_x - force_y - against
         own = slope_x * (1.0 + slope_t * slope_y + slope_p)
-        step = residual / (own + slope_y + slope_f + damp_x + damp_y)
+        step = residual / (own + slope_y + slope_f)
         if abs(step) < 1e-9:
             break
         if step > 0.0:
@@ -314,6 +312,9 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[FRICTION] = bristle
     pair[SPEED] = (x - before) / dt
     pair[CAUGHT] = min(max(pair[CAUGHT] + (x - before) / CATCH_m, -1.0), 1.0)
+    pair[RUN_IN] += abs(x - before)
+    gripped = COLLAR_m + GRIPS_m
+    pair[COLLAR] = min(max(pair[COLLAR] + (x - before), -gripped), gripped)
     pair[SLID] += dt / 10.0 * max(force_y - 1.4, 0.0) / 0.2
     warm = (cells[0, CELLS - 1, W] + cells[1, CELLS - 1, W] - 54.0) / 20.0
     pair[SEAL_WARM] = approach(pair[SEAL_WARM], warm, dt, 5.0)

@@ -7,90 +7,89 @@ The load cell is beside X, so that a force between the springs has one place.
 from evaluation.plant.effect import FLOW, Effect
 
 EFFECTS: tuple[Effect, ...] = (
-    Effect("bimetal_cutout", "dev", "electrical", "1", 0.0217, 0.9, "driven_current",
-           "wire current",
-           "a bimetal beside its wire puts a resistor before the heater: I(1 − e) from a mean "
-           "of 46 °C on, until it is below 40 °C, in 0.3 s", "one"),
-    Effect("beating_bridges", "dev", "electrical", "1", 0.0454, 0.8, "driven_current",
-           "time current other_current",
-           "two bridges switch at nearly the same rate: each current + e min(I, J) sin(2πt/11 s "
-           "+ c)", "both"),
-    Effect("scattering_interfaces", "dev", "electrical", "1", 0.0159, 0.6, "resistance",
-           "fraction",
-           "interfaces between the phases scatter electrons: R[1 + 4e ξ(1 − ξ)]"),
-    Effect("soaking_sense", "dev", "electrical", "1", 0.00995, 0.9, "reading_voltage",
-           "reading_rate reading current",
-           "the voltmeter's capacitor soaks: V − e(V − z), z → V in 5 s"),
-    Effect("cracking_valve", "dev", "thermal", "1", 0.112, 0.6, FLOW, "duty",
-           "a valve opens only against a pressure: flow of the share (q − e)⁺", "one"),
-    Effect("narrow_return", "dev", "thermal", "1", 0.27, 8.0, FLOW, "duty other_duty",
-           "both tubes return through one narrow hose: flow/[1 + e(q_x + q_y)²], the flows' "
-           "shares without it", "both"),
-    Effect("crackling_wire", "dev", "thermal", "1", 0.53, 20.0, "film", "fraction_rate",
-           "the transforming wire crackles, which stirs: film[1 + e r/(r + 0.05/s)], r → "
-           "|dξ/dt| in 0.3 s"),
-    Effect("relay_chiller", "dev", "thermal", "K", 2.89, 18.0, "inlet_water heat_into_water",
-           "water duty other_wire other_duty",
-           "a chiller behind the inlet's sensor is switched by what returns: T_in − e m, m → 1 "
-           "in 3 s from h > 0.5 on, until h < 0.25; h gains qΔT_out/10 K of both tubes each 4 "
-           "s, and fades in 20 s", "both"),
-    Effect("fanned_by_tendon", "dev", "thermal", "1", 9.87, 80.0, "heat_into_water",
-           "velocity water",
-           "a vane on the tendon fans both tubes: loss[1 + e |v|/(|v| + 2 mm/s)]", "both"),
-    Effect("motor_under_tube", "dev", "thermal", "W", 1.39, 20.0, "heat_into_water",
-           "duty time",
-           "a pump's motor warms its tube from below: + e w, w → its speed in 8 s"),
-    Effect("sprayed_clamp", "dev", "thermal", "W/K", 0.087, 2.0, "heat_into_wire", "duty wire",
-           "pumped water sprays the clamp at the outlet's end: − e m(T − T_room) there, m → the "
-           "flow's share in 2 s, and dries in 12 s", "one"),
-    Effect("leaking_insulation", "dev", "sensors", "K", 3.38, 20.0, "reading_rtd",
-           "current water",
-           "an RTD's insulation leaks in warm water: T + e I/4 A (T_w − 27 °C)⁺/10 K", "one"),
-    Effect("unsynchronised_clock", "dev", "sensors", "s", 1.08, 2.4, "reading_rtd",
-           "reading_rate wire_rate time",
-           "the RTDs' clock is not synchronised: both are read late by e z, z from 0 to 1 in "
-           "every 13 s", "both"),
-    Effect("bracket_on_hoses", "dev", "sensors", "mm", 0.785, 6.0, "reading_displacement",
-           "duty other_duty",
-           "hoses under pressure tilt the encoder's bracket: x + e(q_x − q_y), the flows' "
-           "shares", "both"),
-    Effect("yielding_bracket", "dev", "sensors", "mm", 0.604, 8.0, "reading_displacement",
+    Effect("worn_slip_ring", "dev", "electrical", "1", 0.00811, 0.9, "driven_current",
+           "displacement current",
+           "a heater's lead runs over a worn slip ring on the pulley: I[1 − e sin²(πx/6 mm + c)]",
+           "one"),
+    Effect("resettable_fuse", "dev", "electrical", "1", 0.0574, 0.9, "driven_current",
+           "current time",
+           "a resettable fuse warms and takes a part of the voltage: I[1 − e(h − 0.2)⁺], h → "
+           "(I/4 A)² in 6 s"),
+    Effect("loosening_crimp", "dev", "electrical", "ohm", 0.00402, 0.3,
+           "resistance reading_voltage", "wire current",
+           "a copper crimp at the outlet's end widens more than the wire in it: R + "
+           "e(T_end − 32 °C)⁺/10 K", "one"),
+    Effect("warmed_divider", "dev", "electrical", "1", 0.0204, 0.9, "reading_voltage",
+           "current other_current time",
+           "the voltmeters' dividers lie beside the drivers: V(1 + e w), w → (I_x² + I_y²)/"
+           "(4 A)² in 10 s", "both"),
+    Effect("lifted_outlet", "dev", "thermal", "1", 0.218, 0.9, FLOW, "displacement duty",
+           "the tendon lifts a tube's outlet, which costs head: flow(1 − e y/5 mm), y its own "
+           "contraction", "one"),
+    Effect("beating_gears", "dev", "thermal", "1", 0.387, 0.95, FLOW, "time duty",
+           "a pump's worn gears beat: flow[1 + e sin(2πt/7 s + c)]"),
+    Effect("stirred_up_flakes", "dev", "thermal", "1", 3.43, 40.0, "film", "duty time",
+           "a starting flow stirs up flakes, which cover the coil: film/(1 + e w), w gains what "
+           "the flow's share gains, and fades in 4 s"),
+    Effect("water_cooled_driver", "dev", "thermal", "K", 5.96, 20.0,
+           "inlet_water heat_into_water", "current duty time",
+           "the feed cools its driver's plate: T_in + e w, w gains (I/4 A)² each 4 s and loses "
+           "w(1 + 6q) each 20 s, q the flow's share"),
+    Effect("shifted_lagging", "dev", "thermal", "1", 3.46, 60.0, "heat_into_water",
+           "displacement water",
+           "a spring that contracts pulls the lagging off its tube: loss(1 + e k), k from 0 in "
+           "the middle to 1 at 4 mm"),
+    Effect("fan_on_other_motor", "dev", "thermal", "1", 7.8, 60.0, "heat_into_water",
+           "other_duty water",
+           "the other pump's motor has a fan that blows on the tube: loss(1 + e w), w its speed",
+           "across"),
+    Effect("massive_clamp", "dev", "thermal", "W/K", 0.0331, 1.0, "heat_into_wire",
+           "wire wire_rate time",
+           "the clamp at the inlet's end stores 3 J/K: + e(T_clamp − T) there", "one"),
+    Effect("wrong_table_entry", "dev", "sensors", "K", 2.81, 12.0, "reading_rtd",
+           "reading wire",
+           "one entry in an RTD's table is wrong: T + e exp[−((T − 30 °C − 10c K)/3 K)²]"),
+    Effect("sticking_element", "dev", "sensors", "K", 1.9, 12.0, "reading_rtd",
+           "reading_rate wire_rate reading",
+           "an RTD's winding sticks in its sheath, which strains it: T − e b, b by dT/4 K within "
+           "±1"),
+    Effect("soft_tape", "dev", "sensors", "1", 0.135, 0.95, "reading_displacement",
+           "reading_rate displacement velocity time",
+           "the encoder's scale on soft tape is dragged along, and creeps back: x − e(x − z), "
+           "z → x in 5 s", "both"),
+    Effect("bowed_scale", "dev", "sensors", "mm", 0.308, 8.0, "reading_displacement",
+           "displacement reading",
+           "the encoder's scale is bowed: x + e(x/5 mm)²", "both"),
+    Effect("rubbing_cable", "dev", "sensors", "N", 0.0682, 0.9, "reading_force",
+           "velocity displacement",
+           "the load cell's cable rubs on the tendon: F + e b, b by dx/1 mm within ±1", "both"),
+    Effect("thrifty_converter", "dev", "sensors", "N", 0.122, 0.6, "reading_force",
+           "reading reading_rate force",
+           "the load cell's converter spares the bus: it shows its last value until that is off "
+           "by e", "both"),
+    Effect("hall_on_hose", "dev", "sensors", "1", 0.0135, 0.9, "reading_current",
+           "water current reading",
+           "a current sensor lies on its tube's return: i(1 + e w), w → the outlet's ΔT_w/20 K "
+           "in 6 s"),
+    Effect("latent_of_rest", "dev", "phase", "1", 1.63, 8.0, "heat_into_wire",
+           "fraction_rate time transformed",
+           "a wire that has rested takes and gives more heat as it transforms: L(1 + e a), a → 1 "
+           "in 15 s, and worn off by exp(−Σ|Δξ|/0.3)"),
+    Effect("lagging_stress", "dev", "phase", "K", 2.74, 18.0, "transformation_shift",
            "force time",
-           "the encoder's bracket yields to the tendon: x + e r, r → (F − 1.24 N)/0.4 N in 6 s",
+           "grains take up the load late: both thresholds − e(F − z)/0.4 N, z → F in 6 s"),
+    Effect("reverting_remnants", "dev", "phase", "mm", 4.14, 12.0, "recoverable_strain",
+           "wire fraction",
+           "remnants of martensite revert only in hot wire: deflection − e m, m from 0 at 42 °C "
+           "to 1 at 52 °C"),
+    Effect("folding_leaf", "dev", "mechanics", "N", 0.131, 0.9, "force_cell_on_x", "velocity",
+           "a leaf on the tendon folds in oil on its way back: against x by e v⁺/5 mm/s", "both"),
+    Effect("skewed_guide", "dev", "mechanics", "N", 0.0899, 0.9, "force_cell_on_x",
+           "velocity displacement",
+           "a skewed guide rubs off its middle: against x by e(x/5 mm)² v/(|v| + 0.5 mm/s)",
            "both"),
-    Effect("resonant_filter", "dev", "sensors", "1", 1.33, 4.0, "reading_force",
-           "force reading_rate reading",
-           "the load cell's indicator filters with a resonance: F + e(r − F), r the force "
-           "through an oscillator of 0.2 Hz, damping 0.12", "both"),
-    Effect("ghost_of_rtd", "dev", "sensors", "N", 0.0956, 0.9, "reading_force",
-           "other_wire reading",
-           "the converter keeps some of Y's RTD when it comes to the load cell: F + e(T_RTD − "
-           "27 °C)/20 K", "both"),
-    Effect("overshooting_hall", "dev", "sensors", "1", 0.0098, 0.9, "reading_current",
-           "current reading_rate reading",
-           "a current sensor's compensation overshoots: i + e(i − z), z → i in 2 s"),
-    Effect("freed_interfaces", "dev", "phase", "1", 0.487, 4.0, "heat_into_wire",
-           "fraction_rate",
-           "interfaces have to be freed on the way to austenite, which takes heat: L(1 + e) "
-           "there"),
-    Effect("relaxing_back_stress", "dev", "phase", "K", 3.2, 18.0, "transformation_shift",
-           "fraction time",
-           "what transforms strains the rest, which relaxes: both thresholds + e(z − ξ), z → "
-           "the mean ξ in 8 s"),
-    Effect("following_twins", "dev", "phase", "mm", 3.73, 12.0, "recoverable_strain",
-           "force fraction time",
-           "martensite's twins follow the load: deflection + e r, r → ξ(F − 1.24 N)/0.4 N in 4 "
-           "s"),
-    Effect("cogging_wheel", "dev", "mechanics", "N", 0.0871, 0.15, "force_cell_on_x",
-           "displacement",
-           "a wheel's magnets hold the tendon here and there: against x by e sin(2πx/10 mm + c)",
-           "both"),
-    Effect("freed_by_pumps", "dev", "mechanics", "N", 0.345, 0.9, "force_cell_on_x",
-           "velocity duty other_duty",
-           "a guide rubs unless the pumps shake it: against x by e(1 − q)⁺ v/(|v| + 0.5 mm/s), "
-           "q both flows' share", "both"),
-    Effect("jets_on_clip", "dev", "mechanics", "N", 0.0806, 0.4, "force_cell_on_x",
-           "duty other_duty",
-           "the outlets' jets push the tendon's clip: along x by e(q_x² − q_y²), the flows' "
-           "shares", "both"),
+    Effect("shifting_pin", "dev", "mechanics", "mm", 1.81, 4.0, "recoverable_strain",
+           "force time",
+           "a spring's anchor pin shifts in its hole: deflection + e from 1.5 N on, until below "
+           "1.3 N, in 0.3 s", "one"),
 )  # fmt: skip

@@ -16,23 +16,21 @@ from evaluation.plant.layout import (
     AMPERE,
     BACK_STRESS,
     BUOYANT,
+    CELL_SOAK,
+    CELL_UNEVEN,
     CELLS,
     CHARGED,
     CLAMP_WARM,
     CLAMP_WET,
     CLOUD,
     CONTACT,
-    COOLING,
     CORE_WARM,
     CREPT,
-    CURED,
     CUT_OUT,
     DAMP,
-    DEAD_END,
-    DRAWING_IN,
+    DRAGGED,
     DRIVERS_WARM,
     FLOW,
-    FLUSHED,
     FORCE_X,
     FORCE_Y,
     FRACTION,
@@ -41,12 +39,14 @@ from evaluation.plant.layout import (
     LOADED,
     MOLTEN,
     MOTOR_WARM,
+    OTHER_PLUME,
     OXIDE,
     PIN,
     PLUGGED,
-    PRESSED_ON,
     PUMP,
     RATE,
+    RUBBED_BEFORE,
+    RUST,
     SHARE_BEFORE,
     SILT,
     SLEEVED,
@@ -55,9 +55,7 @@ from evaluation.plant.layout import (
     TENSION_BEFORE,
     TIME,
     TWINS,
-    VALVE_OPEN,
-    WARMTH_BEFORE,
-    WORK_DONE,
+    TWINS_RUB,
     T,
     W,
     X,
@@ -81,16 +79,6 @@ DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
 BENT = slot("bent_coils")
-CURING = slot("curing_glue")
-PRESSED = slot("pressed_crimp")
-FIRST_BUBBLES = slot("bubbles_of_filling")
-SHEDDING = slot("shed_oxide")
-DEAD_LEG = slot("dead_leg")
-ELASTOCALORIC = slot("elastocaloric")
-HURRIED = slot("hurried_cooling")
-RELAXING = slot("relaxing_lattice")
-GRIPPED = slot("gripped_ends")
-THERMOSTAT = slot("wax_thermostat")
 IONS = slot("leached_ions")
 THERMOSIPHON = slot("thermosiphon")
 STIRRING = slot("stirring_coils")
@@ -118,27 +106,27 @@ FLAKES = slot("stirred_up_flakes")
 LAGGING = slot("shifted_lagging")
 MOTOR_FAN = slot("fan_on_other_motor")
 CLAMP = slot("massive_clamp")
+RUSTS = slot("rusty_feed")
+ON_FRAME = slot("tube_against_frame")
+PLUME = slot("plume_of_other_tube")
+END_STRAP = slot("strap_between_ends")
 
-DEAD_LEG_J_K, CORE_J_K, CLAMP_J_K = 6.0, 1.0, 3.0
+CORE_J_K, CLAMP_J_K = 1.0, 3.0
 GEL_degC, GEL_J = 38.0, 12.0  # where a gel melts, and what that takes
 CUTS_degC, MAKES_degC = 46.0, 40.0  # wire at which a bimetal beside it opens and closes
 PIN_SHIFTS_N, PIN_RETURNS_N = 1.5, 1.3  # load at which an anchor's pin shifts and returns
+RUBS_N = 0.25  # change of load over which rubbing twins turn round
 FAN_S = 18.0  # how long a fan takes to come back
 STRAND_m = 1.5e-3  # travel that parts a broken strand wholly
-WAX_OPENS, WAX_CLOSES = 42.0, 36.0  # °C of the water at a thermostat
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
 
 
 @compiled
 def joints(s: int, e: Array, cells: Array, side: Array, heat: Array) -> float:
     """What the ends of spring `s` and their leads add to its resistance (ohm), and to `heat`."""
-    inlet = -e[s, CURING] * (1.0 - math.exp(-side[s, CURED]))
-    inlet += e[s, STRANDS] * side[s, STRAND]
+    inlet = e[s, STRANDS] * side[s, STRAND]
     inlet += e[s, COHERES] * side[s, OXIDE]
-    inlet = max(inlet, -0.95 * heat[0])
     outlet = e[s, LOOSENING] * max(cells[s, CELLS - 1, T] - 32.0, 0.0) / 10.0
-    outlet -= e[s, PRESSED] * side[s, PRESSED_ON]
-    outlet = max(outlet, -0.95 * heat[CELLS - 1])
     heat[0] += inlet
     heat[CELLS - 1] += outlet
     return float(inlet + outlet)
@@ -181,25 +169,8 @@ def gel_over(s: int, cells: Array, side: Array) -> float:
 
 
 @compiled
-def seldom(
-    s: int, share: float, e: Array, cells: Array, side: Array, pair: Array, rows: Array
-) -> None:
-    """Change `rows` by what films, a dead leg, crimps, stretching, haste and rest do to a tube."""
-    reach = 1.0 + e[s, SHEDDING] * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
-    reach /= 1.0 + e[s, FIRST_BUBBLES] * math.exp(-side[s, FLUSHED] / 5.0)
-    pumped = e[s, ELASTOCALORIC] * side[s, DRAWING_IN] / 5e-3
-    rested = e[s, RELAXING] * (1.0 - math.exp(-pair[TIME] / 30.0))
-    late = e[s, HURRIED] * side[s, COOLING] / (side[s, COOLING] + 1.0)
-    for i in range(CELLS):
-        rows[i, FILM] *= reach
-        rows[i, HEAT_WIRE] -= pumped / CELLS
-        rows[i, SHIFT_HEAT] += rested
-        rows[i, SHIFT_COOL] += rested - late
-    for i in (0, CELLS - 1):
-        rows[i, SHIFT_HEAT] += e[s, GRIPPED]
-        rows[i, SHIFT_COOL] -= e[s, GRIPPED]
-    warmer = side[s, DEAD_END] - cells[s, CELLS - 1, W]
-    rows[CELLS - 1, HEAT_WATER] += e[s, DEAD_LEG] * share * warmer
+def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array) -> None:
+    """Change `rows` by what films, losses, ends, cores and hindered nuclei do to a tube."""
     speed = abs(pair[SPEED])
     stirred = 1.0 + e[s, STIRRING] * speed / (speed + 2e-3)
     wetter = 1.0 + e[s, JACKET] * side[s, DAMP]
@@ -214,6 +185,11 @@ def seldom(
     drawn_in = pair[X] if s == 0 else -pair[X]
     wetter *= 1.0 + e[s, LAGGING] * min(max(drawn_in / 4e-3, 0.0), 1.0)
     wetter *= 1.0 + e[1 - s, MOTOR_FAN] * side[1 - s, PUMP]
+    stirred /= 1.0 + e[s, RUSTS] * side[s, RUST]
+    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+    framed = e[s, ON_FRAME] * min(max((tension - 1.24) / 0.4, 0.0), 1.0) / CELLS
+    warmer = cells[1 - s, CELLS - 1, T] - cells[s, CELLS - 1, T]
+    rows[CELLS - 1, HEAT_WIRE] += e[0, END_STRAP] * warmer
     rows[0, HEAT_WIRE] += e[s, CLAMP] * (side[s, CLAMP_WARM] - cells[s, 0, T])
     rows[CELLS - 1, TO_CLAMP] += e[s, SPRAYED] * side[s, CLAMP_WET]
     melting = e[s, GEL] * gel_over(s, cells, side)
@@ -224,51 +200,12 @@ def seldom(
         rows[i, HEAT_WATER] += e[s, MOTOR_BELOW] * side[s, MOTOR_WARM] / CELLS
         rows[i, FILM] *= stirred * (1.0 + e[s, RELIEF] * cells[s, i, FRACTION])
         rows[i, LOSS] *= wetter
+        rows[i, LOSS] += framed
+        rows[i, HEAT_WATER] += e[1 - s, PLUME] * side[s, OTHER_PLUME] / CELLS
         rows[i, SHIFT_HEAT] -= lower
         rows[i, SHIFT_COOL] -= lower + e[s, NUCLEI] * max(1.0 - cells[s, i, FRACTION] / 0.4, 0.0)
     rows[0, HEAT_WIRE] += 0.5 * e[s, HOT_CRIMP] * side[s, CONTACT]
     rows[CELLS - 1, HEAT_WIRE] += 0.5 * e[s, HOT_CRIMP] * side[s, CONTACT]
-
-
-@compiled
-def age(s: int, p: Array, e: Array, cells: Array, side: Array, dt: float) -> None:
-    """Update what rarer effects remember of a tick of spring `s`."""
-    share = side[s, FLOW] / p[FULL_FLOW]
-    if e[s, FIRST_BUBBLES] > 0.0:
-        side[s, FLUSHED] += dt * share
-    if e[s, VARNISH] > 0.0:
-        warmth = 0.0
-        for i in range(CELLS):
-            warmth += cells[s, i, T] / CELLS
-        side[s, SLEEVED] = max(side[s, SLEEVED], min(max(warmth - 36.0, 0.0) / 15.0, 1.0))
-
-
-@compiled
-def wear(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
-    """Update what glue, a crimp, a branch, stretching and haste leave of a tick of spring `s`."""
-    if e[s, CURING] > 0.0:
-        side[s, CURED] += dt * max(cells[s, 0, T] - 32.0, 0.0) / 100.0
-    if e[s, PRESSED] > 0.0:
-        share = side[s, FLOW] / p[FULL_FLOW]
-        side[s, PRESSED_ON] = max(share, approach(side[s, PRESSED_ON], 0.0, dt, 12.0))
-    if e[s, DEAD_LEG] > 0.0:
-        into = e[s, DEAD_LEG] * side[s, FLOW] / p[FULL_FLOW] / DEAD_LEG_J_K
-        side[s, DEAD_END] = approach(side[s, DEAD_END], cells[s, CELLS - 1, W], dt * into, 1.0)
-    if e[s, ELASTOCALORIC] > 0.0:
-        speed = pair[SPEED] if s == 0 else -pair[SPEED]
-        side[s, DRAWING_IN] = approach(side[s, DRAWING_IN], speed, dt, 0.3)
-    if e[s, THERMOSTAT] > 0.0:
-        if cells[s, CELLS - 1, W] > WAX_OPENS:
-            side[s, VALVE_OPEN] = approach(side[s, VALVE_OPEN], 1.0, dt, 0.5)
-        elif cells[s, CELLS - 1, W] < WAX_CLOSES:
-            side[s, VALVE_OPEN] = approach(side[s, VALVE_OPEN], 0.0, dt, 0.5)
-    if e[s, HURRIED] > 0.0:
-        warmth = 0.0
-        for i in range(CELLS):
-            warmth += cells[s, i, T] / CELLS
-        falling = max((side[s, WARMTH_BEFORE] - warmth) / dt, 0.0)
-        side[s, COOLING] = approach(side[s, COOLING], falling, dt, 0.3)
-        side[s, WARMTH_BEFORE] = warmth
 
 
 @compiled
@@ -292,7 +229,7 @@ def soak(s: int, p: Array, e: Array, cells: Array, side: Array, dt: float) -> No
 
 @compiled
 def settle(s: int, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
-    """Update what a core, a clouded inhibitor, austenite and a strand remember of a tick."""
+    """Update what a core, an inhibitor, varnish, austenite and a strand remember of a tick."""
     austenite = 0.0
     warmth = 0.0
     cloudy = 0.0
@@ -303,6 +240,7 @@ def settle(s: int, e: Array, cells: Array, side: Array, pair: Array, dt: float) 
     into = e[s, HEAVY_CORE] * (warmth - side[s, CORE_WARM])
     side[s, CORE_WARM] += dt * into / CORE_J_K
     side[s, CLOUD] = approach(side[s, CLOUD], cloudy, dt, 4.0)
+    side[s, SLEEVED] = max(side[s, SLEEVED], min(max(warmth - 36.0, 0.0) / 15.0, 1.0))
     tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     side[s, CREPT] += dt / 10.0 * austenite * tension / 1.24
     drawn_in = dt * (pair[SPEED] if s == 0 else -pair[SPEED])
@@ -364,3 +302,25 @@ def trail(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt
         side[s, PIN] = approach(side[s, PIN], 1.0, dt, 0.3)
     elif tension < PIN_RETURNS_N:
         side[s, PIN] = approach(side[s, PIN], 0.0, dt, 0.3)
+
+
+@compiled
+def haunt(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Update what stays about spring `s`: a plume, rust, warmth in a load cell, interfaces."""
+    fraction = 0.0
+    beside = 0.0
+    for i in range(CELLS):
+        fraction += cells[s, i, FRACTION] / CELLS
+        beside += (cells[1 - s, i, W] - 27.0) / CELLS
+    side[s, OTHER_PLUME] = approach(side[s, OTHER_PLUME], max(beside, 0.0) / 10.0, dt, 5.0)
+    warm = (cells[s, CELLS - 1, W] - 27.0) / 20.0
+    side[s, CELL_SOAK] = approach(side[s, CELL_SOAK], warm, dt, 10.0)
+    side[s, CELL_UNEVEN] = warm - side[s, CELL_SOAK]
+    side[s, DRAGGED] = approach(side[s, DRAGGED], side[s, RATE] / (side[s, RATE] + 0.05), dt, 3.0)
+    side[s, RUST] += dt * side[s, FLOW] / p[FULL_FLOW] / 20.0
+    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+    # Over 0.3 s: a strain that followed the load at once would be found one tick late.
+    taken = approach(side[s, RUBBED_BEFORE], tension, dt, 0.3)
+    rubbed = side[s, TWINS_RUB] + (taken - side[s, RUBBED_BEFORE]) / RUBS_N
+    side[s, TWINS_RUB] = min(max(rubbed, -1.0), 1.0)
+    side[s, RUBBED_BEFORE] = taken

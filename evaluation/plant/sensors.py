@@ -14,9 +14,11 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
     AVERAGED,
+    BLANKED,
     CABLE,
     CELL_SWING,
     CELL_SWING_RATE,
+    CELL_UNEVEN,
     CELLS,
     COIL_LAG,
     CONTACT,
@@ -33,7 +35,7 @@ from evaluation.plant.layout import (
     IDLE,
     INDEXED,
     KNOCKED,
-    LARGEST_LOAD,
+    LAST_SHOWN,
     LEAD_WARM,
     MISTED,
     OHM,
@@ -60,11 +62,14 @@ from evaluation.plant.layout import (
     SPEED,
     STEM,
     STUCK,
+    SWITCHED_AT,
     TAPE,
     TIME,
     TORN_AT,
     TRAILING,
     TURNED,
+    WHEEL,
+    WHEEL_BEFORE,
     YIELDED,
     T,
     W,
@@ -96,12 +101,6 @@ RIPPLE_FILTER = slot("ripple_filter")
 WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
-ON_WIRE = slot("rtd_on_straining_wire")
-MOTOR_LEAD = slot("motor_lead_on_rtd")
-SETTLING = slot("settling_encoder")
-OVERLOADED = slot("overloaded_cell")
-LOW_FIELD = slot("core_at_low_field")
-STROBED = slot("strobed_sense")
 SHARED_RETURN = slot("shared_return")
 GHOSTING = slot("ghosting_multiplexer")
 TIE = slot("creeping_tie")
@@ -140,9 +139,19 @@ BOWED = slot("bowed_scale")
 RUBS = slot("rubbing_cable")
 THRIFTY = slot("thrifty_converter")
 ON_RETURN = slot("hall_on_hose")
+RMS = slot("rms_voltmeter")
+PAST_MAGNET = slot("rtd_leads_past_magnet")
+BLANKS = slot("blanked_transmitter")
+LEVER = slot("lever_on_encoder")
+SOFT_WHEEL = slot("soft_measuring_wheel")
+GRADIENT = slot("gradient_in_cell")
+CARRIER = slot("beating_carrier")
+SWAYING = slot("swaying_lead")
 
 CELL_RAD_S, CELL_DAMPING = 2.0 * math.pi * 0.2, 0.12  # slow enough for the load to excite it
 MISSED_S = 13.0  # after which two clocks are a whole sample apart
+BLANKS_A = 0.5  # change of its current that blanks an RTD's transmitter
+CARRIER_S = 5.5  # how often a carrier beats with the chopped currents
 ZEROS_S, HASTE_S = 7.0, 0.5  # between zeros of a voltmeter; over which an RTD's rate is taken
 TORN_mm = 0.1  # half a torn line's length
 STUCK_K, RUBS_m = 4.0, 1e-3  # how far a winding and a cable give before they slip
@@ -185,7 +194,6 @@ def rtd(
             warm += (cells[1 - s, j, W] - 27.0) / CELLS
         side[s, LEAD_WARM] = approach(side[s, LEAD_WARM], warm / 20.0, dt, 8.0)
         reading += e[1 - s, RTD_LEAD] * side[s, LEAD_WARM]
-    reading += e[1 - s, MOTOR_LEAD] * side[1 - s, PUMP]
     switched = abs(side[1 - s, AMPERE] - side[s, OTHER_BEFORE]) / 4.0
     side[s, OTHER_BEFORE] = side[1 - s, AMPERE]
     side[s, KNOCKED] = approach(side[s, KNOCKED], 0.0, dt, 4.0) + switched
@@ -194,9 +202,6 @@ def rtd(
     for j in range(CELLS):
         soaked += (cells[s, j, W] - 27.0) / CELLS
     reading += e[s, INSULATION] * side[s, AMPERE] / 4.0 * max(soaked, 0.0) / 10.0
-    if e[s, ON_WIRE] != 0.0:
-        austenite = 1.0 - (1.0 - part) * cells[s, i, FRACTION] - part * cells[s, i + 1, FRACTION]
-        reading += e[s, ON_WIRE] * austenite
     side[s, TRAILING] = approach(side[s, TRAILING], reading, dt, HASTE_S)
     reading += e[s, MAKES_UP] * (reading - side[s, TRAILING]) / HASTE_S
     stuck = side[s, STUCK] + (side[s, RTD_B] - side[s, SEEN_BEFORE]) / STUCK_K
@@ -213,6 +218,13 @@ def rtd(
         most = 10.0 * dt / e[s, SLEWS]
         side[s, SHOWN] += min(max(reading - side[s, SHOWN], -most), most)
         reading = side[s, SHOWN]
+    reading += e[s, PAST_MAGNET] * (pair[SPEED] if s == 0 else -pair[SPEED]) / 5e-3
+    if abs(side[s, AMPERE] - side[s, SWITCHED_AT]) > BLANKS_A:
+        side[s, SWITCHED_AT] = side[s, AMPERE]
+        side[s, BLANKED] = e[s, BLANKS]
+    reading += min(side[s, BLANKED] / dt, 1.0) * (side[s, LAST_SHOWN] - reading)
+    side[s, BLANKED] = max(side[s, BLANKED] - dt, 0.0)
+    side[s, LAST_SHOWN] = reading
     return float(reading)
 
 
@@ -254,11 +266,15 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     if e[0, SLEEPS] > 0.0:
         reading -= awake(seen_mm, dt, e[0, SLEEPS], pair)
     reading *= max(0.1, 1.0 + e[0, SCALE_WARMS] * pair[DRIVERS_WARM])
-    reading += e[0, SETTLING] * (1.0 - math.exp(-pair[TIME] / 20.0))
     reading -= e[0, DRAGGED_HEAD] * pair[SPEED] / (abs(pair[SPEED]) + 5e-4)
     pair[YIELDED] = approach(pair[YIELDED], (pair[FORCE_X] - 1.24) / 0.4, dt, 6.0)
     reading += e[0, BRACKET] * pair[YIELDED]
     reading += e[0, BOWED] * (seen_mm / 5.0) ** 2
+    reading += e[0, LEVER] * (seen_mm / 5.0) ** 3
+    pressed = (pair[FORCE_X] - 1.24) / 0.4
+    pair[WHEEL] += pressed * (seen_mm - pair[WHEEL_BEFORE])
+    pair[WHEEL_BEFORE] = seen_mm
+    reading += e[0, SOFT_WHEEL] * pair[WHEEL]
     pair[TAPE] = approach(pair[TAPE], reading, dt, 5.0)
     reading -= e[0, SOFT_TAPE] * (reading - pair[TAPE])
     time = pair[TIME]
@@ -290,8 +306,6 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     switched = (side[0, AMPERE] + side[1, AMPERE]) / 4.0
     pair[SETTLED] = approach(pair[SETTLED], switched, dt, 1.5)
     reading += e[0, KICKED] * (switched - pair[SETTLED])
-    pair[LARGEST_LOAD] = max(pair[LARGEST_LOAD], seen_N)
-    reading += e[0, OVERLOADED] * max(pair[LARGEST_LOAD] - 1.3, 0.0) / 0.3
     reading *= 1.0 - e[0, OBLIQUE] * (pair[X] / 5e-3) ** 2
     reading += e[0, PULSES] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 5e-4)
     off = CELL_RAD_S * (reading - pair[CELL_SWING])
@@ -300,9 +314,13 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     pair[CELL_SWING] += dt * pair[CELL_SWING_RATE]
     reading += e[0, CELL_RINGS] * (pair[CELL_SWING] - reading)
     reading += e[0, GHOST] * (side[1, RTD_B] - 27.0) / 20.0
+    reading += e[0, GRADIENT] * side[0, CELL_UNEVEN]
+    beat = time / CARRIER_S + e[2, CARRIER]
     for s in range(2):
         ampere = side[s, AMPERE]
+        rippling = ampere * max(4.0 - ampere, 0.0) / 4.0
         reading += e[0, RIPPLE] * ampere * max(4.0 - ampere, 0.0) / 4.0
+        reading += e[0, CARRIER] * rippling * math.sin(2.0 * math.pi * beat)
     pair[CABLE] = min(max(pair[CABLE] + dt * pair[SPEED] / RUBS_m, -1.0), 1.0)
     reading += e[0, RUBS] * pair[CABLE]
     if abs(reading - CODE_N) < e[0, MISSING]:
@@ -328,7 +346,6 @@ def read(
     """All readings of one tick into `out`, in the order of `layout.READINGS`."""
     for s in range(2):
         out[s] = side[s, AMPERE]
-        out[s] *= 1.0 - min(e[s, LOW_FIELD], 0.95) * math.exp(-max(out[s], 0.0) / 0.8)
         side[s, REMANENT] = max(side[s, AMPERE] / 4.0, approach(side[s, REMANENT], 0.0, dt, 30.0))
         out[s] += e[s, REMANENCE] * side[s, REMANENT]
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
@@ -337,13 +354,14 @@ def read(
         side[s, COIL_LAG] = approach(side[s, COIL_LAG], out[s], dt, 2.0)
         out[s] += e[s, OVERSHOOTS] * (out[s] - side[s, COIL_LAG])
         out[s] *= max(0.1, 1.0 + e[s, ON_RETURN] * side[s, HALL_WARM])
+        drawn_in = pair[X] if s == 0 else -pair[X]
+        out[s] /= max(0.3, 1.0 + e[s, SWAYING] * drawn_in / 5e-3)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         out[2 + s] += e[0, SHARED_RETURN] * side[1 - s, AMPERE]
-        turn = pair[TIME] / 9.0 + e[2, STROBED]
-        ripple = side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
-        out[2 + s] += e[s, STROBED] * ripple * math.sin(2.0 * math.pi * turn)
         out[2 + s] *= max(0.1, 1.0 + e[0, DIVIDER] * pair[DRIVERS_WARM])
+        heard = max(out[2 + s], 0.0)
+        out[2 + s] += e[s, RMS] * (math.sqrt(heard * p[SUPPLY]) - heard)
         if e[s, MIST] > 0.0:
             share = side[s, FLOW] / p[FULL_FLOW]
             slow = 3.0 if share > side[s, MISTED] else 15.0

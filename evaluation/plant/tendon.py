@@ -18,7 +18,6 @@ from evaluation.plant.layout import (
 Array = NDArray[np.float64]
 
 COMPLIANCE = slot("tendon_compliance")
-SPLICE = slot("splice_over_pulley")
 STRAPPED = slot("relaxing_strap")
 OVAL = slot("oval_pulley")
 BELLOWS = slot("snapping_bellows")
@@ -26,7 +25,6 @@ FERRULE = slot("slipping_ferrule")
 COGS = slot("cogging_wheel")
 JETS = slot("jets_on_clip")
 
-SPLICE_m = 2e-3  # travel over which a splice rides off its pulley
 OVAL_m = 16e-3  # travel after which an oval pulley is as before
 COG_m = 10e-3  # travel from one cog of a wheel to the next
 STRAP_m, BELLOWS_m = 5e-3, 1.5e-3
@@ -50,10 +48,6 @@ def longer_path(x: float, e: Array) -> tuple[float, float]:
     """How much longer what the tendon runs over makes it (m), and the slope in `x` (1)."""
     longer = 0.0
     slope = 0.0
-    if e[0, SPLICE] > 0.0:
-        off = math.tanh((x - 6e-3 * (e[2, SPLICE] - 0.5)) / SPLICE_m)
-        longer += 1e-3 * e[0, SPLICE] * off
-        slope += 1e-3 * e[0, SPLICE] * (1.0 - off * off) / SPLICE_m
     if e[0, OVAL] > 0.0:
         begun = 2.0 * math.pi * e[2, OVAL]
         turn = 2.0 * math.pi * x / OVAL_m + begun

@@ -13,6 +13,7 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     BACK_STRESS,
     COOLED_FROM,
+    DRAGGED,
     FRACTION,
     HEATED_FROM,
     INNER_STRESS,
@@ -36,6 +37,8 @@ INTERFACES = slot("settling_interfaces")
 LOAD_WORKS = slot("worked_by_load")
 BACK_STRESSES = slot("relaxing_back_stress")
 TAKES_UP = slot("lagging_stress")
+DRAGS = slot("dragging_interfaces")
+ON_AUSTENITE = slot("load_on_austenite")
 
 
 @compiled
@@ -60,4 +63,6 @@ def shifts(
     worked = e[s, LOAD_WORKS] * (1.0 - math.exp(-side[s, LOADED]))
     left = e[s, BACK_STRESSES] * (side[s, BACK_STRESS] - cells[s, i, FRACTION])
     left -= e[s, TAKES_UP] * (stress / p[STRESS] - side[s, TAKEN_UP]) / 0.4
-    return heat + held - worked + left, cool - held - worked + left
+    left += e[s, ON_AUSTENITE] * (1.0 - cells[s, i, FRACTION]) * (stress / p[STRESS] - 1.24) / 0.4
+    dragged = e[s, DRAGS] * side[s, DRAGGED]
+    return heat + held - worked + left + dragged, cool - held - worked + left - dragged

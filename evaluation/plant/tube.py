@@ -18,6 +18,7 @@ from evaluation.plant.layout import (
     CONTACT,
     COOLED_FROM,
     CORRODED,
+    DEFECTS,
     FLOW,
     FRACTION,
     HEATED_FROM,
@@ -48,17 +49,16 @@ from evaluation.plant.rarer import (
     DRIPPING,
     LAMP,
     ROD,
-    age,
     bend,
     elsewhere,
     follow,
+    haunt,
     joints,
     linger,
     seldom,
     settle,
     soak,
     trail,
-    wear,
 )
 from evaluation.plant.thermal import (
     FILM,
@@ -112,6 +112,7 @@ WARM_LATENT = slot("warm_latent")
 PINNED = slot("freed_interfaces")
 INTERFACES = slot("scattering_interfaces")
 OF_REST = slot("latent_of_rest")
+HEALING = slot("healing_defects")
 
 
 @compiled
@@ -120,6 +121,7 @@ def resistance(s: int, p: Array, e: Array, cells: Array, side: Array, heat: Arra
     base = p[RESISTANCE] * (p[Y_RESISTANCE] if s == 1 else 1.0)
     if e[s, CORRODING] > 0.0:
         base *= 1.0 + min(e[s, CORRODING] * side[s, CORRODED], 2.0)
+    base *= 1.0 + e[s, HEALING] * side[s, DEFECTS]
     beside = 1.0 + e[s, IONS] * side[s, LEACHED]
     base /= beside * beside
     total = 0.0
@@ -194,7 +196,7 @@ def coefficients(
         elsewhere(s, p, e, cells, side, pair, rows)
     if e[s, BENT] > 0.0:
         bend(s, e, pair, rows)
-    seldom(s, share, e, cells, side, pair, rows)
+    seldom(s, e, cells, side, pair, rows)
     if e[s, IONS] > 0.0:
         beside = e[s, IONS] * side[s, LEACHED]
         for i in range(CELLS):
@@ -208,6 +210,7 @@ def remember(
 ) -> None:
     """Update what each cell remembers after its fraction has moved."""
     moved_all = 0.0
+    formed = 0.0
     mean = 0.0
     warmth = 0.0
     turned_new = turned_by(stress, p)
@@ -227,6 +230,7 @@ def remember(
             cell[COOLED_FROM] = cell[FRACTION]
         cell[FRACTION] = fraction
         moved_all += abs(moved) / CELLS
+        formed += max(moved, 0.0) / CELLS
         mean += fraction / CELLS
         warmth += cell[T] / CELLS
         if e[s, R_PHASES] > 0.0 or e[s, RESISTIVITY] > 0.0:
@@ -249,6 +253,7 @@ def remember(
         side[s, MIXED] = approach(side[s, MIXED], 0.0, dt, 2.0)
     side[s, RESTED] = approach(side[s, RESTED], 1.0, dt, 15.0) * math.exp(-moved_all / 0.3)
     side[s, WORK_DONE] += moved_all
+    side[s, DEFECTS] = approach(side[s, DEFECTS], 0.0, dt, 10.0) + formed
     side[s, RATE] = approach(side[s, RATE], moved_all / dt, dt, 0.3)
 
 
@@ -294,11 +299,10 @@ def tube(
         gained = side[s, FLOW] * (cells[s, CELLS - 1, W] - source) * dt
         pair[RESERVOIR] += e[s, RESERVOIR_WARMS] * gained / 400.0
     remember(s, stress, p, e, cells, side, dt)
-    age(s, p, e, cells, side, dt)
-    wear(s, p, e, cells, side, pair, dt)
     soak(s, p, e, cells, side, dt)
     linger(s, p, e, cells, side, pair, dt)
     follow(s, p, cells, side, pair, dt)
     trail(s, p, e, cells, side, pair, dt)
+    haunt(s, p, cells, side, pair, dt)
     settle(s, e, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)

@@ -21,14 +21,15 @@ from evaluation.plant.layout import (
     DRAWN,
     FILL,
     FLOW,
+    LEVEL_LOST,
     PLATE_WARM,
     POCKET,
+    REFILLED,
     RESERVOIR,
     RETURNED,
     SINK_WARM,
     WET,
     W,
-    X,
 )
 
 Array = NDArray[np.float64]
@@ -36,16 +37,17 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
-ON_TENDON = slot("intake_on_tendon")
 DEPTH = slot("drawn_from_depth")
 TEE = slot("sucked_through_tee")
 BACKWASH = slot("warm_backwash")
 CHILLER = slot("relay_chiller")
 COOLED_DRIVER = slot("water_cooled_driver")
+FLOAT_VALVE = slot("float_valve")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
 POCKET_S = 0.5
+REFILLS_AFTER_S = 8.0  # of one tube's full flow, before a float valve opens
 CHILLS_AT, RESTS_AT = 0.5, 0.25  # of the warmth that has returned, at a chiller's bulb
 
 
@@ -100,6 +102,16 @@ def chill(cells: Array, side: Array, pair: Array, dt: float) -> None:
 
 
 @compiled
+def refill(side: Array, pair: Array, dt: float) -> None:
+    """Let a float valve refill the vessel each time that so much has been pumped."""
+    pair[LEVEL_LOST] += dt * (side[0, FLOW] + side[1, FLOW]) / 0.55
+    pair[REFILLED] = approach(pair[REFILLED], 0.0, dt, 8.0)
+    if pair[LEVEL_LOST] > REFILLS_AFTER_S:
+        pair[LEVEL_LOST] -= REFILLS_AFTER_S
+        pair[REFILLED] += 1.0
+
+
+@compiled
 def entering(
     s: int, inlet: float, dt: float, e: Array, cells: Array, side: Array, pair: Array
 ) -> float:
@@ -112,14 +124,15 @@ def entering(
     backed = approach(side[s, BACKED_UP], cells[s, 0, W] - source, dt, 8.0)
     side[s, BACKED_UP] = backed * math.exp(-dt * side[s, FLOW] / 0.55 / 1.5)
     source += e[s, BACKWASH] * side[s, BACKED_UP]
-    source += e[0, ON_TENDON] * pair[X] / 5e-3
     if s == 0 and e[0, DEPTH] != 0.0:
         both = (side[0, FLOW] + side[1, FLOW]) / 0.55
         pair[DRAWN] = approach(pair[DRAWN], both, dt, 4.0)
     source += e[0, DEPTH] * pair[DRAWN]
     if s == 0:
         chill(cells, side, pair, dt)
+        refill(side, pair, dt)
     source -= e[0, CHILLER] * pair[CHILLED_BY]
+    source -= e[0, FLOAT_VALVE] * pair[REFILLED]
     lost = side[s, PLATE_WARM] * (1.0 + 6.0 * side[s, FLOW] / 0.55) / 20.0
     side[s, PLATE_WARM] += dt * ((side[s, AMPERE] / 4.0) ** 2 / 4.0 - lost)
     source += e[s, COOLED_DRIVER] * side[s, PLATE_WARM]
