@@ -3,6 +3,7 @@
 import numpy as np
 
 from sim_device.plant import Inputs
+from sim_device.plant.effects.registry import effect
 from sim_device.plant.setup import Setup
 
 
@@ -22,6 +23,11 @@ def alternating(seconds=40.0, amps=3.6, period_s=16.0, heat_s=5.0, step_s=0.01):
 def still(t, **series):
     """No current, no water: for replays that are fed."""
     return Inputs(t, np.zeros((t.size, 2)), np.zeros((t.size, 2)), **series)
+
+
+def at_level(name, level):
+    """Typical values of an effect with every strength times `level`; shapes as they are."""
+    return {q.name: q.typical * (level if q.is_strength else 1.0) for q in effect(name).parameters}
 
 
 def setup_of(parameters, variant="extended", effects=None):
