@@ -39,3 +39,8 @@ def setup_of(parameters, variant="extended", effects=None):
         cooling="water",
         effects=effects or {},
     )
+
+
+def values_of(parameters):
+    """All values of a set, SI, in the order of its names."""
+    return [entry.value for entry in parameters.entries]
