@@ -119,7 +119,7 @@ def _replay_s(plant: SmaPlant, run: GapRun) -> tuple[float, float, float, float]
     solve_ivp."""
     import numpy as np
 
-    from sim_device.plant.reference import Reference
+    from bench.reference import Reference
     from sim_device.plant.replay import Replay
     from smad.diagnosis.data.grid import PERIOD_S
     from smad.diagnosis.data.played import Played

@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from bench.reference import Reference
 from sim_device.plant.models import Model
 from sim_device.plant.parameters import ParameterSet, load_parameters
 from sim_device.plant.plant import Plant
 from sim_device.plant.plants import Plants, Result
 from sim_device.plant.records import Drive
-from sim_device.plant.reference import Reference
 from sim_device.plant.replay import Inputs, Replay, simulate
 
 Array = npt.NDArray[np.float64]

@@ -385,14 +385,6 @@ def fault_rows() -> list[tuple[str, str, str, str]]:
     ]
 
 
-def list_faults() -> str:
-    """Return the table of faults as text, one line each."""
-    return "\n".join(
-        f"{name:<19} {group:<9} {text}  [{parameters}]"
-        for name, group, text, parameters in fault_rows()
-    )
-
-
 def _no_such(name: str) -> FaultSpecError:
     suggestion = instead(name, FAULT_KINDS, "smad sim --fault list shows them")
     return FaultSpecError(f"no fault is named {name!r}; {suggestion}")

@@ -27,7 +27,7 @@ import signal
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from types import FrameType
 
@@ -354,10 +354,4 @@ def _stopped_by_signals(group: Servers) -> Iterator[None]:
 
 
 def _sum(parts: Iterable[ServeStats]) -> ServeStats:
-    total = ServeStats()
-    for part in parts:
-        total.samples += part.samples
-        total.grid_restarts += part.grid_restarts
-        total.host_timeouts += part.host_timeouts
-        total.host_waits += part.host_waits
-    return total
+    return ServeStats(*(sum(counts) for counts in zip(*map(astuple, parts), strict=True)))

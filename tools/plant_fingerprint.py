@@ -23,8 +23,8 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_device.plant import Drive, Inputs, Plant, load_parameters, simulate
-from sim_device.plant.effects import EFFECTS
 from sim_device.plant.effects.record import Y_SHARE, Effect
+from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.errors import EffectError, SolverError
 
 Array = npt.NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from sim_device.plant.errors import InputError, ModelError
@@ -11,7 +11,7 @@ from sim_device.plant.textfile import quoted
 
 _LAW_KEYS = {"place", "side", "support", "terms"}
 _TERM_KEYS = {"name", "coefficient", "order", "factors"}
-_FACTOR_KEYS = {"state", "kind", "lag_s", "centre", "scale"}
+_FACTOR_KEYS = ("state", "kind", "lag_s", "centre", "scale")
 
 
 def laws_as_tables(laws: Sequence[Law]) -> list[dict[str, Any]]:
@@ -28,14 +28,8 @@ def laws_as_tables(laws: Sequence[Law]) -> list[dict[str, Any]]:
                     "coefficient": term.coefficient,
                     "order": term.order,
                     "factors": [
-                        {
-                            "state": f.state,
-                            "kind": f.kind,
-                            "lag_s": f.lag_s,
-                            "centre": f.centre,
-                            "scale": f.scale,
-                        }
-                        for f in term.factors
+                        {key: getattr(factor, key) for key in _FACTOR_KEYS}
+                        for factor in term.factors
                     ],
                 }
                 for term in law.terms
@@ -106,7 +100,9 @@ def _factor(where: str, raw: object, spans: Mapping[str, tuple[float, ...]]) -> 
     )
 
 
-def _table(where: str, raw: object, known: set[str], *, required: Sequence[str]) -> dict[str, Any]:
+def _table(
+    where: str, raw: object, known: Collection[str], *, required: Sequence[str]
+) -> dict[str, Any]:
     if not isinstance(raw, dict):
         raise ModelError(f"{where} is {raw!r}, not a table")
     for key in raw:

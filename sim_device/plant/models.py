@@ -16,7 +16,7 @@ from sim_device.plant.effects.registry import Resolved, resolve
 from sim_device.plant.errors import ModelError
 from sim_device.plant.law_file import laws_as_tables, laws_as_toml, laws_from_tables
 from sim_device.plant.laws import Law
-from sim_device.plant.parameters import ParameterSet, built_in_sets, load_parameters
+from sim_device.plant.parameters import BUILT_IN, ParameterSet, load_parameters
 from sim_device.plant.textfile import TextFileError, beside, parsed, quoted
 
 _ARRAYS = {"laws", "covariance"}
@@ -87,7 +87,7 @@ def write_model(path: str | Path, model: Model) -> None:
     Raises what `read_model` raises; nothing is written then.
     """
     base, overrides = model.base, model.overrides
-    if base not in built_in_sets():
+    if base not in BUILT_IN:
         base = "A"
         of_base = load_parameters(base)
         values = model.parameters
@@ -151,7 +151,7 @@ def read_model(path: str | Path) -> Model:
             raise ModelError(f"{path.name}: unknown mounting.{name}; known are {sorted(MOUNTING)}")
         if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
             raise ModelError(f"{path.name}: mounting.{name} is {value!r}, not a number")
-    source = base if base in built_in_sets() else beside(path, base) or base
+    source = base if base in BUILT_IN else beside(path, base) or base
     model = Model(
         load_parameters(source).replace(**overrides),
         variant,

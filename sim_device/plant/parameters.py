@@ -6,7 +6,7 @@ import functools
 import hashlib
 import math
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from sim_device.plant.units import UNITS
 
 DATA = Path(__file__).parent / "data"
 BUILT_IN = {"A": "set_a.toml", "B": "set_b.toml", "conserving": "conserving.toml"}
+"""Files of the sets that `load_parameters` knows by name."""
 STATUSES = ("published", "derived", "assumed")
 _FIELDS = {field.name: field for field in FIELDS}
 _KEYS = ("value", "unit", "status", "range", "source")
@@ -69,12 +70,6 @@ class ParameterSet:
     def __getitem__(self, name: str) -> float:
         return self.entry(name).value
 
-    def vector(self, names: Sequence[str] | None = None) -> list[float]:
-        """Values in SI, of `names` in that order, or of all in the order of `self.names`."""
-        if names is None:
-            return [entry.value for entry in self.entries]
-        return [self.entry(name).value for name in names]
-
     def replace(self, /, **values: float) -> ParameterSet:
         """Another set with these values (SI).
 
@@ -124,11 +119,6 @@ def _loaded(path: Path) -> ParameterSet:
     parameters = ParameterSet(title, tuple(_entry(_FIELDS[name], raw[name]) for name in NAMES))
     _check_together(parameters)
     return parameters
-
-
-def built_in_sets() -> Iterable[str]:
-    """Names that `load_parameters` knows without a file."""
-    return tuple(BUILT_IN)
 
 
 def parameters_text(parameters: ParameterSet, title: str | None = None) -> str:

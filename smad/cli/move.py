@@ -22,9 +22,9 @@ from smad.cli.options import (
 )
 from smad.cli.output import carry_out, client
 from smad.cli.quantity import Quantity, typed_units
+from smad.config.axes import millimetres
 from smad.config.fields import bare, info_of
 from smad.control.commands import PIECES, Piece, Trajectory
-from smad.control.segment import millimetres
 from smad.errors import SmadError
 from smad.records.points import read_samples
 from smad.units import parted_name

@@ -9,7 +9,8 @@ from smad.config.section import HOST, Section, about, above
 from smad.errors import ConfigError
 
 DEGREES_PER_MM = 6.25
-"""Of the end segment of MINIR-II: ±4 mm of the springs turn it by ±25°."""
+"""Of the end segment of MINIR-II: ±4 mm of the springs turn it by ±25°. The parameter sets hold it
+as `robot_gain`."""
 
 USUAL_NAMES = ("pitch-1", "yaw-1", "pitch-2", "yaw-2", "pitch-3", "yaw-3")
 """Three segments, from the base to the tip, each with an axis for pitch and one for yaw."""
@@ -18,6 +19,11 @@ SMALLEST_PIVOT = 1e-6
 """Of a coupling that has an inverse."""
 
 _Gain = Annotated[float, Meta(ge=0.0, le=1000.0)]
+
+
+def millimetres(angle_deg: float) -> float:
+    """Displacement, mm, that turns the segment by `angle_deg`."""
+    return angle_deg / DEGREES_PER_MM
 
 
 class AxisConfig(Section, frozen=True, kw_only=True):

@@ -129,15 +129,11 @@ class AxisArming:
     since: int = 0
     """Generation of its last stop."""
 
-    def take(self, event: Input) -> bool:
-        """Change the phase; return whether the input changed or repeats it."""
-        after = TRANSITIONS[self.phase].get(event)
-        if after is None:
-            return False
-        self.phase = after
-        if after is Phase.OFF:
+    def take(self, event: Input) -> None:
+        """Change the phase as TRANSITIONS says."""
+        self.phase = TRANSITIONS[self.phase].get(event, self.phase)
+        if self.phase is Phase.OFF:
             self.withheld = False
-        return True
 
 
 @dataclass
@@ -209,10 +205,9 @@ class Arming:
             return WhyNot.STALE
         return None if self.all_off(names) else WhyNot.ARMED
 
-    def begin(self, names: Sequence[str], generation: int) -> Attempt:
+    def begin(self, names: Sequence[str], generation: int) -> None:
         """Begin an arming that `why_not` allows; nothing is asked of a board yet."""
         self.attempt = Attempt(tuple(names), generation)
-        return self.attempt
 
     def ask(self) -> None:
         """Ask every board of the arming for a token."""

@@ -8,7 +8,7 @@ import numpy as np
 from sim_device.plant.draws import draw, draw_between, setup_of
 from sim_device.plant.errors import PlantError
 from sim_device.plant.models import Model, built_in, read_model
-from sim_device.plant.parameters import built_in_sets
+from sim_device.plant.parameters import BUILT_IN
 from sim_device.plant.setup import Setup
 from smad.envs.errors import EnvError
 
@@ -24,7 +24,7 @@ def model_of(source: str | Path | Model) -> Model:
     """
     if isinstance(source, Model):
         return source
-    if str(source) in built_in_sets():
+    if str(source) in BUILT_IN:
         return built_in(str(source))
     try:
         return read_model(source)

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from smad.control.segment import DEGREES_PER_MM
+from smad.config.axes import DEGREES_PER_MM
 from smad.envs.signals import NAMES
 
 _ANGLES = np.array([name.endswith("_mm") for name in NAMES])

@@ -7,12 +7,11 @@ import numpy as np
 from msgspec import Meta
 
 from sim_device.plant.parameters import ParameterSet
-from sim_device.plant.segment import segment_angle_deg, segment_displacement_m
 from smad.arrays import Array
+from smad.config.axes import DEGREES_PER_MM
 from smad.control.commands import Follow, Step
 from smad.control.metrics import step_response
 from smad.control.plan import Action, Do, Mark, Plan, UntilDone
-from smad.control.segment import DEGREES_PER_MM
 from smad.experiments.base import PAPER_CONTROL, Comparison, Experiment, Findings, Options
 from smad.experiments.driver import Driver
 from smad.experiments.recording import Recording
@@ -62,11 +61,11 @@ class Fig13Segment(Experiment[SegmentOptions]):
     def conclude(self, outcomes: Mapping[str, Any], model: ParameterSet) -> Findings:
         run: Recording = outcomes[self.name]
         mm = run["displacement_mm"]
-        angle = np.array([segment_angle_deg(value * 1e-3, model) for value in mm])
+        angle = model["robot_gain"] * 1e-3 * mm
         last = self.options.cycles
         up = run.between(f"up {last}", f"middle {last}")
         response = step_response(up.t_s, up["displacement_mm"], self.amplitude_mm, start=0.0)
-        wanted_mm = segment_displacement_m(self.options.angle_deg, model) * 1e3
+        wanted_mm = self.options.angle_deg / model["robot_gain"] * 1e3
         return Findings(
             (
                 Comparison(

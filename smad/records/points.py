@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
+from smad.config.axes import millimetres
 from smad.control.commands import Samples
-from smad.control.segment import millimetres
 from smad.counted import counted
 from smad.errors import CommandError
 from smad.files import read_whole

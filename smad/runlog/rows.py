@@ -4,8 +4,8 @@ import math
 
 from firmware_protocol.enums import SetpointFlag
 from firmware_protocol.messages import Setpoint, State
+from smad.config.axes import DEGREES_PER_MM
 from smad.control.sample import Sample
-from smad.control.segment import DEGREES_PER_MM
 from smad.runlog.schema import Row
 
 _NAN = math.nan

@@ -707,16 +707,8 @@ EFFECT = Recipe(
         places=("reading_force",),
         equation="F_r = F (1 + c F)",
         parameters=(
-            EffectParameter(
-                name="per_N",
-                term="force_curve",
-                unit="1/N",
-                low=-0.1,
-                high=0.1,
-                typical=0.02,
-                prior=either(0.02),
-                meaning="curvature c",
-            ),
+            strength("per_N", "1/N", (-0.1, 0.02, 0.1), either(0.02), "curvature c",
+                     term="force_curve"),
         ),
         signals=("force",),
         confused_with=("force_gain",),

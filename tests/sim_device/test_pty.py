@@ -34,7 +34,6 @@ from firmware_protocol.supervisor import (
     FaultCleared,
     Link,
 )
-from sim_device.__main__ import main
 from sim_device.bench import SimulatedBench
 from sim_device.errors import PortError
 from sim_device.faults import injection
@@ -474,9 +473,9 @@ def wait_for(found: Callable[[], object]) -> object:
 
 @contextmanager
 def running(*options: str, **popen: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """Run `python -m sim_device`; give the process and the port's name."""
+    """Run `smad sim`; give the process and the port's name."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "sim_device", "--max-seconds", "280", *options],
+        [sys.executable, "-m", "smad", "sim", "--for", "280", *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -485,9 +484,9 @@ def running(*options: str, **popen: object) -> Iterator[tuple[subprocess.Popen[s
     try:
         assert process.stdout is not None
         said = process.stdout.readline()
-        if not said.startswith("port: "):
+        if not said.startswith("ready: "):
             raise AssertionError(process.communicate()[1])
-        yield process, said.removeprefix("port: ").strip()
+        yield process, said.removeprefix("ready: ").strip()
     finally:
         process.kill()
         process.communicate()
@@ -569,14 +568,14 @@ def opened(name: str, nonce: int = 1) -> Iterator[Client]:
 def test_a_host_arms_over_a_real_tty_vanishes_and_comes_back(tmp_path: Path) -> None:
     link = tmp_path / "bench"
     with running("--speed", "5", "--paced-by-host", "--symlink", str(link)) as (process, name):
-        assert name == str(link)
-        with opened(name) as client:
+        assert link.resolve() == Path(name)
+        with opened(str(link)) as client:
             client.arm()
             client.current_mA = 1000
             client.until(lambda: client.states[-1].i_applied_mA == (1000, 0))
             assert client.host.state is HostState.RUNNING
             assert client.states[-1].sp_age_us == 0
-        with opened(name, nonce=2) as client:
+        with opened(str(link), nonce=2) as client:
             client.until(lambda: any(isinstance(e, Connected) for e in client.events))
             client.until(lambda: len(client.states) > 20)
             assert client.states[-1].mode is not BoardState.ARMED
@@ -620,48 +619,6 @@ def test_the_program_serves_one_end_of_a_socket_pair() -> None:
         client.arm()
         client.until(lambda: client.states[-1].mode is BoardState.ARMED)
     ours.close()
-
-
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (["--params", "nowhere.toml"], "nowhere.toml"),
-        (["--fault", "leek@1"], "no fault is named 'leek'"),
-        (["--speed", "0"], "speed 0 is refused"),
-        (["--effects", "[1]"], "--effects"),
-        (["--effects", '{"no_such": {}}'], "no_such"),
-        (["--transport", "wire"], "transport 'wire' is refused"),
-    ],
-)
-def test_bad_options_end_with_one_line_and_a_status(
-    options: list[str], says: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["--max-seconds", "1", *options]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert says in line
-
-
-def test_a_program_with_a_bad_option_ends_with_one_line_and_a_status() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "sim_device", "--symlink", "/no/such/folder/tty"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2
-    (line,) = done.stderr.strip().splitlines()
-    assert "cannot make the symlink" in line
-
-
-def test_the_faults_can_be_listed() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "sim_device", "--list-faults"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert "sensor_open" in done.stdout
-    assert "unplug" in done.stdout
 
 
 def test_the_server_ends_when_told_from_another_thread() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_device.plant.effects.record import Y_SHARE, Effect, EffectParameter, about, either, half
+from sim_device.plant.effects.record import Y_SHARE, Effect, about, either, half, shape, strength
 
 ELECTRICAL: tuple[Effect, ...] = (
     Effect(
@@ -12,16 +12,8 @@ ELECTRICAL: tuple[Effect, ...] = (
         places=("driven_current",),
         equation="I = (1 + g) I_c",
         parameters=(
-            EffectParameter(
-                name="gain",
-                term="driver_gain",
-                unit="1",
-                low=-0.3,
-                high=0.3,
-                typical=0.06,
-                prior=either(0.05),
-                meaning="gain error g",
-            ),
+            strength("gain", "1", (-0.3, 0.06, 0.3), either(0.05), "gain error g",
+                     term="driver_gain"),
             Y_SHARE,
         ),
         signals=("current", "voltage", "temperature", "displacement", "force"),
@@ -36,16 +28,7 @@ ELECTRICAL: tuple[Effect, ...] = (
         places=("driven_current",),
         equation="τ dI/dt = I_c − I",
         parameters=(
-            EffectParameter(
-                name="tau_s",
-                term="driver_lag",
-                unit="s",
-                low=0,
-                high=1,
-                typical=0.1,
-                prior=half(0.1),
-                meaning="time constant τ",
-            ),
+            strength("tau_s", "s", (0, 0.1, 1), half(0.1), "time constant τ", term="driver_lag"),
             Y_SHARE,
         ),
         signals=("current", "voltage", "temperature", "displacement", "force"),
@@ -63,27 +46,10 @@ ELECTRICAL: tuple[Effect, ...] = (
         " − s) I_max"
         " at I_c = I_max of the parameter file",
         parameters=(
-            EffectParameter(
-                name="deficit",
-                term="driver_deficit",
-                unit="1",
-                low=0,
-                high=0.9,
-                typical=0.1,
-                prior=half(0.1),
-                meaning="missing share s at I_max",
-            ),
-            EffectParameter(
-                name="sharpness",
-                term="driver_sharpness",
-                unit="1",
-                low=2,
-                high=40,
-                typical=6,
-                prior=about(6),
-                meaning="n; a clip when large",
-                zero=None,
-            ),
+            strength("deficit", "1", (0, 0.1, 0.9), half(0.1), "missing share s at I_max",
+                     term="driver_deficit"),
+            shape("sharpness", "1", (2, 6, 40), about(6), "n; a clip when large",
+                  term="driver_sharpness"),
             Y_SHARE,
         ),
         signals=("current", "voltage", "temperature", "displacement", "force"),
@@ -100,26 +66,10 @@ ELECTRICAL: tuple[Effect, ...] = (
         places=("resistance",),
         equation="R = R0 [1 + α (T − T_ref) + β (½ − ξ)]",
         parameters=(
-            EffectParameter(
-                name="alpha_1_K",
-                term="resistivity_T",
-                unit="1/K",
-                low=-5e-3,
-                high=5e-3,
-                typical=8e-4,
-                prior=either(1e-3),
-                meaning="slope α with T",
-            ),
-            EffectParameter(
-                name="beta",
-                term="resistivity_xi",
-                unit="1",
-                low=-0.5,
-                high=0.5,
-                typical=-0.15,
-                prior=either(0.15),
-                meaning="slope β with phase",
-            ),
+            strength("alpha_1_K", "1/K", (-5e-3, 8e-4, 5e-3), either(1e-3), "slope α with T",
+                     term="resistivity_T"),
+            strength("beta", "1", (-0.5, -0.15, 0.5), either(0.15), "slope β with phase",
+                     term="resistivity_xi"),
         ),
         signals=("voltage", "temperature", "displacement", "force"),
         confused_with=("contact_resistance", "driver_gain", "r_phase"),
@@ -134,16 +84,8 @@ ELECTRICAL: tuple[Effect, ...] = (
         places=("reading_voltage",),
         equation="V = I (R + R_c)",
         parameters=(
-            EffectParameter(
-                name="resistance_Ohm",
-                term="contact_resistance",
-                unit="Ohm",
-                low=0,
-                high=0.5,
-                typical=0.05,
-                prior=half(0.05),
-                meaning="R_c",
-            ),
+            strength("resistance_Ohm", "Ohm", (0, 0.05, 0.5), half(0.05), "R_c",
+                     term="contact_resistance"),
             Y_SHARE,
         ),
         signals=("voltage",),
@@ -158,16 +100,8 @@ ELECTRICAL: tuple[Effect, ...] = (
         places=("reading_current",),
         equation="I_meas = I + I_o",
         parameters=(
-            EffectParameter(
-                name="offset_A",
-                term="current_offset",
-                unit="A",
-                low=-0.3,
-                high=0.3,
-                typical=0.03,
-                prior=either(0.03),
-                meaning="offset I_o",
-            ),
+            strength("offset_A", "A", (-0.3, 0.03, 0.3), either(0.03), "offset I_o",
+                     term="current_offset"),
             Y_SHARE,
         ),
         signals=("current",),
@@ -175,4 +109,4 @@ ELECTRICAL: tuple[Effect, ...] = (
         separated_by="read the sensor at zero current",
         reference="definition of a zero offset",
     ),
-)
+)  # fmt: skip

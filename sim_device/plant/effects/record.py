@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
-SUBSYSTEMS = (
-    "actuator",
-    "electrical",
-    "sensors",
-    "timing",
-    "thermal",
-    "water",
-    "phase",
-    "mechanics",
-)
 Subsystem = Literal[
     "actuator", "electrical", "sensors", "timing", "thermal", "water", "phase", "mechanics"
 ]
-SIGNALS = ("current", "voltage", "temperature", "inlet", "ambient", "displacement", "force")
+Signal = Literal["current", "voltage", "temperature", "inlet", "ambient", "displacement", "force"]
 
 
 @dataclass(frozen=True)
@@ -82,7 +72,7 @@ class Effect:
     places: tuple[str, ...]
     equation: str
     parameters: tuple[EffectParameter, ...]
-    signals: tuple[str, ...]
+    signals: tuple[Signal, ...]
     confused_with: tuple[str, ...]
     separated_by: str
     reference: str
@@ -92,13 +82,6 @@ class Effect:
     def typical(self) -> dict[str, float]:
         """Every parameter at its typical value."""
         return {parameter.name: parameter.typical for parameter in self.parameters}
-
-    def at_level(self, level: float) -> dict[str, float]:
-        """Typical values with every strength times `level`; shapes as they are."""
-        return {
-            parameter.name: parameter.typical * (level if parameter.is_strength else 1.0)
-            for parameter in self.parameters
-        }
 
     def parameter(self, name: str) -> EffectParameter | None:
         """The parameter of that name, if the effect has it."""
@@ -120,14 +103,46 @@ def about(median: float, spread: float = 0.7) -> Prior:
     return Prior("log-normal", median, spread)
 
 
-Y_SHARE = EffectParameter(
-    name="y_share",
-    term=None,
-    unit="1",
-    low=0,
-    high=2,
-    typical=1,
-    prior=about(1, 0.3),
-    meaning="side Y has so many times the strengths, X 2 minus that",
-    zero=None,
+Range = tuple[float, float, float]
+"""The least value that is accepted, a typical one, and the most."""
+
+
+def strength(
+    name: str,
+    unit: str,
+    values: Range,
+    prior: Prior,
+    meaning: str,
+    *,
+    term: str,
+    switch: bool = False,
+) -> EffectParameter:
+    """Row of a parameter that switches its effect."""
+    low, typical, high = values
+    return EffectParameter(
+        name=name,
+        term=term,
+        unit=unit,
+        low=low,
+        high=high,
+        typical=typical,
+        prior=prior,
+        meaning=meaning,
+        switch=switch,
+    )
+
+
+def shape(
+    name: str, unit: str, values: Range, prior: Prior, meaning: str, *, term: str | None = None
+) -> EffectParameter:
+    """Row of a parameter that says how its effect acts."""
+    return replace(strength(name, unit, values, prior, meaning, term=""), term=term, zero=None)
+
+
+Y_SHARE = shape(
+    "y_share",
+    "1",
+    (0, 1, 2),
+    about(1, 0.3),
+    "side Y has so many times the strengths, X 2 minus that",
 )

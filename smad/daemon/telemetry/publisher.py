@@ -43,7 +43,6 @@ class Publisher:
     ) -> None:
         self.dropped = 0
         self.note = ""
-        self.addresses: list[str] = []
         self.listeners: list[Listener] = []
         self._loop = loop
         self._every = config.every_nth_sample
@@ -113,4 +112,3 @@ class Publisher:
             Hooks(),
         )
         self.listeners.append(listener)
-        self.addresses.append(address)

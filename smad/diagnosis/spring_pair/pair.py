@@ -16,7 +16,7 @@ from sim_device.plant.covariance import Covariance
 from sim_device.plant.effects.record import Effect as RegistryEffect
 from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.errors import InputError, PlantError
-from sim_device.plant.parameters import built_in_sets, spring_factors
+from sim_device.plant.parameters import BUILT_IN, spring_factors
 from sim_device.plant.places import PLACES, STATES, check_place_needs
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.places.place import Forcing, Place
@@ -114,7 +114,7 @@ class SmaPlant:
     def built_in(self) -> str:
         """The built-in set that its parameters are; empty for those of a file."""
         digest = self.parameter_set.digest()
-        return next((n for n in built_in_sets() if load_parameters(n).digest() == digest), "")
+        return next((n for n in BUILT_IN if load_parameters(n).digest() == digest), "")
 
     @cached_property
     def parameters(self) -> Sequence[Parameter]:
@@ -309,7 +309,7 @@ class SmaPlant:
                 limit=self.variant,
                 action="give the same variant as the model was made with",
             )
-        if model.base in built_in_sets() and model.base != (self.built_in or "A"):
+        if model.base in BUILT_IN and model.base != (self.built_in or "A"):
             raise PlantMismatch(
                 f"{path.name} is a model of another parameter set",
                 value=model.base,

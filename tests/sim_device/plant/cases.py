@@ -3,6 +3,7 @@
 import numpy as np
 
 from sim_device.plant import Inputs
+from sim_device.plant.effects.registry import effect
 from sim_device.plant.setup import Setup
 
 
@@ -24,6 +25,11 @@ def still(t, **series):
     return Inputs(t, np.zeros((t.size, 2)), np.zeros((t.size, 2)), **series)
 
 
+def at_level(name, level):
+    """Typical values of an effect with every strength times `level`; shapes as they are."""
+    return {q.name: q.typical * (level if q.is_strength else 1.0) for q in effect(name).parameters}
+
+
 def setup_of(parameters, variant="extended", effects=None):
     """The mounted pair in water, as the kernel takes it."""
     return Setup.make(
@@ -33,3 +39,8 @@ def setup_of(parameters, variant="extended", effects=None):
         cooling="water",
         effects=effects or {},
     )
+
+
+def values_of(parameters):
+    """All values of a set, SI, in the order of its names."""
+    return [entry.value for entry in parameters.entries]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from bench.reference import Reference
 from sim_device.plant import Inputs, load_parameters, simulate
-from sim_device.plant.reference import Reference
 from tests.sim_device.plant.cases import alternating
 
 KEPT = ("displacement_m", "force_N", "T_x_K", "T_y_K", "xi_S_x", "xi_T_x")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sim_device.plant import Inputs, load_parameters, simulate
-from sim_device.plant.effects import EFFECTS
+from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.replay import OUTPUTS
 
 CASES = (

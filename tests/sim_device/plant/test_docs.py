@@ -3,7 +3,7 @@
 import pytest
 
 from sim_device.plant.docs import PAGE, TABLES, rendered
-from sim_device.plant.effects import EFFECTS
+from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.fields import FIELDS
 
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_device.plant import Drive, Plant, load_parameters
-from sim_device.plant.effects import EFFECTS
+from sim_device.plant.effects.registry import EFFECTS
 
 
 def driven(plant, legs, dt_s=0.01):

@@ -7,7 +7,7 @@ import pytest
 
 from sim_device.plant import Inputs, load_parameters, simulate
 from sim_device.plant import kernel as k
-from sim_device.plant.effects import EFFECTS
+from sim_device.plant.effects.registry import EFFECTS
 from tests.sim_device.plant.cases import alternating, setup_of
 
 P = load_parameters("A")

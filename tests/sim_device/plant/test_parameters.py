@@ -8,12 +8,13 @@ from sim_device.plant import load_parameters
 from sim_device.plant.errors import ParameterError
 from sim_device.plant.fields import FIELDS
 from sim_device.plant.parameters import (
+    BUILT_IN,
     DATA,
-    built_in_sets,
     initial_detwinned,
     parameters_text,
     spring_factors,
 )
+from tests.sim_device.plant.cases import values_of
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def changed(text, name, key, value):
     return result
 
 
-@pytest.mark.parametrize("name", built_in_sets())
+@pytest.mark.parametrize("name", BUILT_IN)
 def test_a_built_in_set_has_every_entry_with_its_provenance(name):
     parameters = load_parameters(name)
     assert [entry.name for entry in parameters.entries] == [field.name for field in FIELDS]
@@ -167,18 +168,11 @@ def test_replace_makes_another_set_and_leaves_the_first():
         parameters.replace(resistivity=1.0)
 
 
-def test_a_vector_follows_the_names_it_was_asked_for():
-    parameters = load_parameters("A")
-    names = ["coils", "density"]
-    assert parameters.vector(names) == [20.0, 6450.0]
-    assert len(parameters.vector()) == len(parameters.names)
-
-
-@pytest.mark.parametrize("name", built_in_sets())
+@pytest.mark.parametrize("name", BUILT_IN)
 def test_a_set_written_out_and_read_back_is_the_same(tmp_path, name):
     parameters = load_parameters(name).replace(latent_cooling=5000.0)
     path = tmp_path / "out.toml"
     path.write_text(parameters_text(parameters), encoding="utf-8")
     again = load_parameters(path)
-    assert again.vector() == pytest.approx(parameters.vector(), rel=1e-14)
+    assert values_of(again) == pytest.approx(values_of(parameters), rel=1e-14)
     assert [entry.source for entry in again.entries] == [e.source for e in parameters.entries]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim_device.plant import Replay, kernel, load_parameters, simulate
-from sim_device.plant.effects import EFFECTS
+from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.errors import InputError
 from sim_device.plant.kernel import forcing as slots
 from sim_device.plant.places import PLACES, SLOTS, STATE_NAMES, keys_of, place

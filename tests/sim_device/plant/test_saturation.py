@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim_device.plant import Inputs, load_parameters, simulate
-from sim_device.plant.effects import effect
+from sim_device.plant.effects.registry import effect
 
 P = load_parameters("A")
 I_MAX = P["current_max"]

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from sim_device.plant import Drive, Plant, load_parameters, simulate
-from sim_device.plant.effects import EFFECTS, effect, effect_terms, resolve
 from sim_device.plant.effects.record import Y_SHARE
+from sim_device.plant.effects.registry import EFFECTS, effect, effect_terms, resolve
 from sim_device.plant.errors import EffectError
 from sim_device.plant.replay import OUTPUTS
-from tests.sim_device.plant.cases import alternating
+from tests.sim_device.plant.cases import alternating, at_level
 
 P = load_parameters("A")
 INPUTS = alternating(amps=2.9)
@@ -32,7 +32,7 @@ OF_SPRINGS = (
 @cache
 def replayed(name=None, level=1.0, y_share=None, unified=False):
     """A replay with an effect at a level. Held, the springs do not know of each other."""
-    effects = {} if name is None else {name: effect(name).at_level(level)}
+    effects = {} if name is None else {name: at_level(name, level)}
     if name is not None:
         del effects[name][Y_SHARE.name]
         if y_share is not None:

@@ -8,8 +8,8 @@ import pytest
 
 from sim_device.plant import kernel as k
 from sim_device.plant import load_parameters, simulate
-from sim_device.plant.effects import EFFECTS
 from sim_device.plant.effects.record import Y_SHARE, EffectParameter
+from sim_device.plant.effects.registry import EFFECTS
 from tests.sim_device.plant.cases import alternating, still
 
 P = load_parameters("A")

@@ -491,8 +491,23 @@ def test_options_that_contradict_each_other_are_refused(
     assert "exclude each other" in failed(capfd, "start", "--sim", "--port", "/dev/null")
     assert "leave --baud out" in failed(capfd, "start", "--sim", "--baud", "115200")
     assert "--port DEVICE" in failed(capfd, "start")
-    assert "fault" in failed(capfd, "sim", "--fault", "wibble@1")
     assert "add --firmware host" in failed(capfd, "sim", "--store", "memory.bin")
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ("--fault leek@1", "no fault is named 'leek'"),
+        ("--speed 0", "plant.speed_ratio is not allowed"),
+        ("--effect no_such", "no_such"),
+        ("--transport wire", "transport 'wire' is refused"),
+        ("--symlink /no/such/folder/tty", "cannot make the symlink"),
+    ],
+)
+def test_what_a_simulated_bench_cannot_do_is_said_in_one_line(
+    options: str, says: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert says in failed(capfd, "sim", "--for", "1", *options.split())
 
 
 @pytest.mark.parametrize("command", ["sim", "start --sim"])

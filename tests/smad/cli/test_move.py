@@ -9,9 +9,9 @@ from click.testing import CliRunner
 from msgspec import Meta
 
 from smad.cli import move as command
+from smad.config.axes import millimetres
 from smad.control import commands
 from smad.control.commands import PIECES, Piece, Ramp, RandomLevels, Samples, Step
-from smad.control.segment import millimetres
 from tools import reference
 
 

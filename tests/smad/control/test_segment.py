@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from sim_device.plant import load_parameters
-from sim_device.plant.segment import segment_displacement_m
-from smad.control.segment import DEGREES_PER_MM, millimetres
+from smad.config.axes import DEGREES_PER_MM, millimetres
 
 
 def test_25_degrees_are_4_mm() -> None:
@@ -18,4 +17,3 @@ def test_25_degrees_are_4_mm() -> None:
 def test_commands_and_parameter_files_have_one_gain(name: str) -> None:
     parameters = load_parameters(name)
     assert parameters["robot_gain"] == pytest.approx(DEGREES_PER_MM * 1e3)
-    assert segment_displacement_m(10.0, parameters) == pytest.approx(millimetres(10.0) * 1e-3)

@@ -11,17 +11,20 @@ from typing import Any
 import pytest
 
 from smad.daemon.realtime import IdleCollector
+from smad.daemon.sockets.descriptors import RESERVE, Descriptors
 
 TAKE = """
 import json, os, sys
 import msgspec
 from smad.config import RealtimeConfig
 from smad.daemon import realtime
+from smad.daemon.sockets.descriptors import Descriptors
 if {drop} and os.getuid() == 0:
     import resource
     resource.setrlimit(resource.RLIMIT_MEMLOCK, (65536, 65536))
     os.setgid(65534)
     os.setuid(65534)
+Descriptors().set_reserve_aside()
 config = msgspec.convert({config!r}, RealtimeConfig)
 taken = realtime.take(config)
 print(json.dumps([[m.name, m.asked, m.granted, m.detail] for m in taken.measures]))
@@ -68,6 +71,11 @@ def test_what_is_not_asked_for_is_not_taken() -> None:
     for name in ("SCHED_FIFO", "locked memory", "garbage collector frozen"):
         asked, granted, _ = measures[name]
         assert (asked, granted) == (False, False)
+
+
+def test_the_reserve_of_descriptors_stays_set_aside() -> None:
+    measures, _ = taken({"fifo_priority": 0, "lock_memory": False})
+    assert measures["open files"][1:] == [True, f"limit {Descriptors().limit - RESERVE}"]
 
 
 class Clock:

@@ -330,7 +330,8 @@ async def test_an_address_in_use_is_noted_and_ipc_goes_on(tmp_path: Path) -> Non
         publisher.bind_ipc(f"ipc://{tmp_path}/t", 0o077)
         publisher.bind_extra(f"tcp://127.0.0.1:{port}", 0o077)
         assert "another bench may use it" in publisher.note
-        assert publisher.addresses == [f"ipc://{tmp_path}/t"]
+        assert len(publisher.listeners) == 1
+        assert (tmp_path / "t").is_socket()
         publisher.close()
 
 

@@ -18,7 +18,7 @@ from firmware_protocol.supervisor.limits import compiled_limits
 from sim_device.bench import SimulatedBench
 from sim_device.plant.covariance import Covariance
 from sim_device.plant.models import save_model
-from smad.control.segment import DEGREES_PER_MM
+from smad.config.axes import DEGREES_PER_MM
 from smad.envs.board import Boards
 from smad.envs.errors import ActionRefused, EnvError
 from smad.envs.signals import ACTIONS, MOST_A, NAMES, action_range, driven
