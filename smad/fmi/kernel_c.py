@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_device.plant import kernel as k
 from sim_device.plant.fields import ORDERINGS
@@ -13,12 +12,12 @@ from sim_device.plant.models import Model
 from sim_device.plant.plant import MAX_STEP_S
 from sim_device.plant.replay import OUTPUTS
 from sim_device.plant.setup import Setup
+from smad.arrays import Array
 from smad.fmi.library import RECORDS
 from smad.fmi.to_c import Program
 from smad.fmi.traced import Symbol, trace, written
 from smad.fmi.variables import Variable
 
-Array = npt.NDArray[np.float64]
 ENTRIES = (k.rest, k.advance, k.lay_curves)
 
 
