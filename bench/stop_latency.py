@@ -33,8 +33,7 @@ from smad.api import Clear, GetMotion, GetStatus
 from smad.client import Client, Refused
 from smad.client.wire import Conversation, connect, new_identity
 from smad.control.commands import DriveCurrent
-from smad.report.page import Table
-from smad.report.tables import text_table
+from smad.view.terminal.tables import print_columns
 
 GOAL_MS = 20.0
 IN_FLIGHT = 48
@@ -152,7 +151,7 @@ def main(
             within = "ok" if quantiles[1] <= GOAL_MS else f"above {GOAL_MS:g} ms"
             rows.append((kind, str(stops), *(f"{value:.1f}" for value in quantiles), within))
     header = ("flood of", "stops", "p50 ms", "p99 ms", "max ms", "p99")
-    click.echo(text_table(Table(header, rows, numeric=frozenset({1, 2, 3, 4}))))
+    print_columns(header, rows, {1, 2, 3, 4})
 
 
 if __name__ == "__main__":

@@ -48,9 +48,8 @@ from bench.browser import (
 from smad.bridge.foxglove import LINK, LOG, SUBPROTOCOLS, rows_of
 from smad.client import Client
 from smad.control.commands import Sine
-from smad.report.page import Table
-from smad.report.tables import text_table
 from smad.style.strips import LAYOUT, XY_LAYOUT
+from smad.view.terminal.tables import print_columns
 
 _SETTLE_S = 2.0
 _REFRESH_S = 1.2
@@ -306,7 +305,7 @@ def main(pairs: int, seconds: float, rate: str, reader: str, busy: int) -> None:
     load = f", {busy} busy" if busy else ""
     what = f"{rate} Hz, {reader}{load}, {pairs} pairs"
     header = (what, "closed", "open", "difference", "of the pairs")
-    click.echo(text_table(Table(header, rows, numeric=frozenset({1, 2, 3, 4}))))
+    print_columns(header, rows, {1, 2, 3, 4})
     for figure, what in (
         ("cpu", "% of a core for the server"),
         ("MiB", "MiB for the server"),

@@ -27,8 +27,7 @@ from bench.browser import (
 )
 from smad.client import Client
 from smad.control.commands import Sine
-from smad.report.page import Table
-from smad.report.tables import text_table
+from smad.view.terminal.tables import print_columns
 
 _MOTION = Sine(amplitude_mm=2.0, period_s=7.0, cycles=10_000)
 _HEAD = ("board time, h", "frames drawn", "smad view, MiB", "page's objects, MiB", "elements")
@@ -74,7 +73,7 @@ def main(minutes: float, speed: float, rows: int) -> None:
                 time.sleep(60.0 * minutes / rows)
                 sizes.append(row(driver, server, client.motion().board_time_s))
                 click.echo(f"{number} of {rows}: {', '.join(sizes[-1])}", err=True)
-    click.echo(text_table(Table(_HEAD, sizes, numeric=frozenset(range(len(_HEAD))))))
+    print_columns(_HEAD, sizes, range(len(_HEAD)))
 
 
 if __name__ == "__main__":

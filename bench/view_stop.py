@@ -22,8 +22,7 @@ from firmware_protocol.enums import BoardState
 from smad.api import TELEMETRY_TOPIC
 from smad.client import Client
 from smad.client.wire import subscribe, telemetry_of
-from smad.report.page import Table
-from smad.report.tables import text_table
+from smad.view.terminal.tables import print_columns
 
 GOAL_MS = 100.0
 _DRIVING = (BoardState.ARMED, BoardState.HOLD)
@@ -88,7 +87,7 @@ def main(stops: int, only: tuple[str, ...]) -> None:
                 within = "ok" if quantiles[-1] <= GOAL_MS else f"above {GOAL_MS:g} ms"
                 rows.append((kind, str(stops), *(f"{value:.0f}" for value in quantiles), within))
     header = ("flood of", "stops", "p50 ms", "p90 ms", "max ms", "max")
-    click.echo(text_table(Table(header, rows, numeric=frozenset({1, 2, 3, 4}))))
+    print_columns(header, rows, {1, 2, 3, 4})
 
 
 if __name__ == "__main__":

@@ -156,12 +156,12 @@ def _mystery(options: argparse.Namespace) -> None:
 def _mysteries(options: argparse.Namespace) -> None:
     from evaluation.quiz import ends, session
     from evaluation.results.record import keep
-    from smad.report.tables import text_table
+    from smad.view.terminal.tables import print_table
 
     order = session.Order(options.minutes, options.quick, options.days)
     ends.run(options.seeds, options.folder, session.asked(options.folder, order, mystery.reveal))
     table = ends.table(ends.ended(options.folder))
-    print(text_table(table))
+    print_table(table)
     if options.out:
         command = "python -m evaluation mysteries"
         keep(options.out, {"": table}, title=options.title, command=command, note=options.note)

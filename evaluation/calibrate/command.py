@@ -30,7 +30,7 @@ from evaluation.score.scores import (
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.rivals.score import NOTHING, PARAMETERS
 from smad.report.page import Table
-from smad.report.tables import text_table
+from smad.view.terminal.tables import print_table
 
 TITLE = "Constants by development banks, benches left out"
 SCORES, PLACES, NAMES = "Scores", "Probability of the likeliest place", "Probability of the name"
@@ -59,7 +59,9 @@ def calibrate(
         ("each bench by constants from the others", left_out),
         ("by all of them, on themselves", [(x.said(after), after) for x in cases]),
     ):
-        print(f"{title}\n{text_table(_scores(scored))}")
+        print(title)
+        print_table(_scores(scored))
+        print()
     for title, c in (("as shipped", before), ("after", after)):
         print(
             f"loss {title}: whether {whether(cases, c):.4f}, "

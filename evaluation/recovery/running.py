@@ -21,7 +21,7 @@ from evaluation.results.record import keep
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.files import write_whole
 from smad.report.page import Table
-from smad.report.tables import text_table
+from smad.view.terminal.tables import print_table
 
 Work = Callable[[Case, int], Answer]
 
@@ -77,7 +77,9 @@ def run(
         answered(file, path, cases, pool)
     by_heading = tables([file.answers[c.name] for c in cases])
     for heading, table in by_heading.items():
-        print(f"{heading}\n{text_table(table)}")
+        print(heading)
+        print_table(table)
+        print()
     if kept is not None:
         keep(kept, by_heading, title=title, command="python -m evaluation recover", note=note)
     return by_heading

@@ -14,7 +14,6 @@ import msgspec
 
 from evaluation.results.record import FOLDER, Result, kept
 from smad.report.page import Table
-from smad.report.tables import markdown_table
 
 PAGE = Path(__file__).parent / "README.md"
 OPENINGS = FOLDER / "openings.jsonl"
@@ -78,6 +77,14 @@ def _section(result: Result) -> str:
     if len(text.split()) <= _MOST_WORDS:
         parts += [*([f"**{heading}**\n"] if heading else []), text]
     return "\n".join(parts)
+
+
+def markdown_table(table: Table) -> str:
+    """The table as Markdown."""
+    columns = range(len(table.header))
+    rule = ["---:" if k in table.numeric else "---" for k in columns]
+    rows = ["| " + " | ".join(row) + " |" for row in (table.header, *table.rows)]
+    return "\n".join([rows[0], f"|{'|'.join(rule)}|", *rows[1:]]) + "\n"
 
 
 def _openings(path: Path) -> Table:

@@ -11,7 +11,7 @@ from evaluation.score.answers import digest, read_pairs
 from evaluation.score.openings import SEALED, Ledger
 from evaluation.score.scores import scored, tables
 from smad.report.page import Table
-from smad.report.tables import text_table
+from smad.view.terminal.tables import print_table
 
 
 def run(
@@ -39,7 +39,9 @@ def run(
             digest(key), digest(verdicts), scored(pairs), cases=len(pairs), commit=commit(), now=now
         )
     for heading, table in by_heading.items():
-        print(f"{heading}\n{text_table(table)}")
+        print(heading)
+        print_table(table)
+        print()
     if out is not None:
         keep(out, by_heading, title=title, command="python -m evaluation score", note=note)
     return by_heading

@@ -57,24 +57,19 @@ def run_cycle(client: Client, say: Say) -> Done:
     return Done(recorder.path, status)
 
 
-def run_in_real_time(client: Client, seconds: float, say: Say) -> Status:
-    """Arm, move gently for so long by the wall clock, disarm; return the status before that."""
-    arm_when_allowed(client, ARM_DEADLINE_S, lambda: say("waiting until the board can be armed"))
-    client.move(Sine(amplitude_mm=1.0, period_s=seconds, cycles=1))
-    client.wait_until_done(lambda motion: say("measuring the setpoint's age in real time"))
-    status = client.status()
-    client.disarm()
-    return status
-
-
 def measured(client: Client, seconds: float, say: Say) -> Status | str:
-    """Return `run_in_real_time`, or why the machine was too busy for it.
+    """Move gently for so long by the wall clock; return the status then, or why it cannot be.
 
-    What is measured there is delay by the wall clock, so a board that is kept from running is
-    judged by it; the demo itself has been carried out by then.
+    What is measured is delay by the wall clock, so a board that is kept from running on a busy
+    machine is judged by it; the demo itself has been carried out by then.
     """
     try:
-        return run_in_real_time(client, seconds, say)
+        arm_when_allowed(client, ARM_DEADLINE_S, lambda: say("waiting until it can be armed"))
+        client.move(Sine(amplitude_mm=1.0, period_s=seconds, cycles=1))
+        client.wait_until_done(lambda motion: say("measuring the setpoint's age in real time"))
+        status = client.status()
+        client.disarm()
+        return status
     except (Stopped, Refused, NoAnswer) as error:
         return _why(client) or error.cause
 

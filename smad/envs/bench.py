@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from smad.arrays import Array, Singles
 from smad.client import Client, NotInControl
 from smad.control.commands import DriveCurrent
 from smad.envs import references, signals
 from smad.envs.errors import ActionRefused, EnvError, PolicyFailed
 from smad.runlog.schema import Row
 
-Array = npt.NDArray[np.float64]
-Policy = Callable[[npt.NDArray[np.float32]], npt.ArrayLike]
+Policy = Callable[[Singles], npt.ArrayLike]
 LEASE_S = 2.0
 STALE_S = 0.2
 """After a policy that took longer, the samples that have come meanwhile are left out."""
@@ -86,7 +86,7 @@ class Answering:
         seen = np.clip(self._seen.astype(np.float32), signals.LOW, signals.HIGH)
         return self._command(seen)
 
-    def _command(self, seen: npt.NDArray[np.float32]) -> DriveCurrent:
+    def _command(self, seen: Singles) -> DriveCurrent:
         try:
             action = np.asarray(self._policy(seen), dtype=np.float64)
             i_x, i_y, duty_x, duty_y = signals.driven(self._action, action[None], 1)[0].tolist()

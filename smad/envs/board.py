@@ -9,9 +9,8 @@ import numpy.typing as npt
 
 from firmware_protocol.enums import Fault
 from firmware_protocol.supervisor.limits import compiled_limits
+from smad.arrays import Array, Mask
 
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 Counts = npt.NDArray[np.int64]
 
 
@@ -31,7 +30,7 @@ class Boards:
         for memory in (self._hot, self._i2t_mA2us, self._applied_mA, self._t_cC):
             memory[i] = 0
 
-    def observe(self, t_cC: Counts, i_mA: Counts, dt_us: int, which: Flags) -> Counts:
+    def observe(self, t_cC: Counts, i_mA: Counts, dt_us: int, which: Mask) -> Counts:
         """Take a sample of the boards in `which`: RTDs and currents of both springs, (size, 2).
 
         Returns the fault of each board as its number, 0 for none.
@@ -53,7 +52,7 @@ class Boards:
         faults[hot] = int(Fault.OVER_TEMPERATURE)
         return faults
 
-    def regulate(self, wanted_A: Array, dt_us: int, which: Flags) -> Array:
+    def regulate(self, wanted_A: Array, dt_us: int, which: Mask) -> Array:
         """Currents that the drivers get of those asked for, A, (size, 2), of boards in `which`."""
         lim = self.limits
         ceiling = np.full(self._t_cC.shape, lim.current_limit_mA, dtype=np.int64)

@@ -13,14 +13,12 @@ from firmware_protocol.enums import Fault
 from sim_device.plant.many import PlantArray
 from sim_device.plant.models import Model
 from sim_device.plant.units import ZERO_C
+from smad.arrays import Array, Index, Mask, Singles
 from smad.envs import references, signals
 from smad.envs.board import Boards
 from smad.envs.errors import EnvError
 from smad.envs.models import Randomise, Source
 
-Array = npt.NDArray[np.float64]
-Observations = npt.NDArray[np.float32]
-Flags = npt.NDArray[np.bool_]
 SOLVER = "solver"
 
 
@@ -58,12 +56,12 @@ class Task:
 class Stepped:
     """What a step gave, an element for each plant. `faults`: the board's, 0 for none."""
 
-    observations: Observations
+    observations: Singles
     rewards: Array
-    terminated: Flags
-    truncated: Flags
+    terminated: Mask
+    truncated: Mask
     faults: npt.NDArray[np.int64]
-    solved: Flags
+    solved: Mask
 
 
 class Episodes:
@@ -121,18 +119,18 @@ class Episodes:
         row = row[: self._times.size]
         return np.concatenate([row, np.full(self._times.size - row.size, row[-1])])
 
-    def observe(self, which: npt.NDArray[np.intp] | None = None) -> Observations:
+    def observe(self, which: Index | None = None) -> Singles:
         """What plants that have just begun show (all, or these), in steps of the wire."""
         begun = np.zeros(self.size, dtype=np.bool_)
         begun[self._every if which is None else which] = True
         self._take(self.plants.read_only(begun), np.flatnonzero(begun))
         return self.observations()
 
-    def observations(self) -> Observations:
+    def observations(self) -> Singles:
         """The latest observations, shape (size, 12), columns `signals.NAMES`."""
         return np.clip(self._seen.astype(np.float32), signals.LOW, signals.HIGH)
 
-    def _take(self, read: Array, which: npt.NDArray[np.intp]) -> None:
+    def _take(self, read: Array, which: Index) -> None:
         measured = np.empty((len(which), len(signals.MEASURED)))
         rows = read[which]
         measured[:, 0] = rows[:, 8] * 1e3
@@ -145,7 +143,7 @@ class Episodes:
         self._seen[which, -2] = self._references[which, moment]
         self._seen[which, -1] = self._references[which, moment + self._ahead]
 
-    def step(self, actions: Any, over: Flags | None = None) -> Stepped:
+    def step(self, actions: Any, over: Mask | None = None) -> Stepped:
         """Apply actions (size, …) for one sample. Plants that are `held` stay as they are: their
         next episode has just begun.
 
@@ -169,18 +167,18 @@ class Episodes:
         faults = self._faults(going & solved)
         return self._outcome(going, solved, faults)
 
-    def _advance_only(self, going: Flags) -> None:
+    def _advance_only(self, going: Mask) -> None:
         """Advance the plants that go on; the others are put back as they were."""
         finished_plants = self.plants.copied(~going)
         self.plants.advance(self._dt_s)
         self.plants.restore(~going, finished_plants)
 
-    def _faults(self, which: Flags) -> npt.NDArray[np.int64]:
+    def _faults(self, which: Mask) -> npt.NDArray[np.int64]:
         t_cC = np.rint(self._seen[:, 2:4] * 100.0).astype(np.int64)
         i_mA = np.rint(self._seen[:, 6:8] * 1e3).astype(np.int64)
         return np.where(which, self.boards.observe(t_cC, i_mA, self._dt_us, which), 0)
 
-    def _outcome(self, going: Flags, solved: Flags, faults: npt.NDArray[np.int64]) -> Stepped:
+    def _outcome(self, going: Mask, solved: Mask, faults: npt.NDArray[np.int64]) -> Stepped:
         rewards = -np.abs(self._seen[:, 0] - self._seen[:, -2])
         stopped = faults != 0
         # Whoever is stopped misses all that is left, by the whole reach to either side.

@@ -7,12 +7,12 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
+from smad.arrays import Singles
 from smad.envs import signals
 from smad.envs.episodes import Episodes, Task
 from smad.envs.errors import EnvError
 from smad.envs.picture import picture
 
-Observation = npt.NDArray[np.float32]
 FRAMES_PER_S = 100
 
 
@@ -27,7 +27,7 @@ def action_space(kind: str) -> spaces.Box:
     return spaces.Box(low, high, dtype=np.float32)
 
 
-class SpringPairEnv(gymnasium.Env[Observation, npt.NDArray[np.floating[Any]]]):
+class SpringPairEnv(gymnasium.Env[Singles, npt.NDArray[np.floating[Any]]]):
     """Two springs on one tendon, which is to follow a reference.
 
     `task` has the fields of `episodes.Task`.
@@ -50,14 +50,14 @@ class SpringPairEnv(gymnasium.Env[Observation, npt.NDArray[np.floating[Any]]]):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
+    ) -> tuple[Singles, dict[str, Any]]:
         """Begin an episode. options: `reference_mm`, positions for every step or a function."""
         super().reset(seed=seed)
         self._episodes.begin(0, self.np_random, options)
         self._begun = True
         return self._episodes.observe()[0], self._info("")
 
-    def step(self, action: npt.ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: npt.ArrayLike) -> tuple[Singles, float, bool, bool, dict[str, Any]]:
         """Apply an action for one sample. Raises ActionRefused for one outside its space."""
         if not self._begun:
             raise EnvError("no episode has begun", action="call reset first")

@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from smad.arrays import Singles
 from smad.envs.signals import NAMES
 
 Picture = npt.NDArray[np.uint8]
@@ -15,7 +16,7 @@ _WALL, _COILS = 12, 9
 _AT = {name: i for i, name in enumerate(NAMES)}
 
 
-def picture(seen: npt.NDArray[np.float32]) -> Picture:
+def picture(seen: Singles) -> Picture:
     """Springs X (left) and Y, coloured by their RTDs, the block at the displacement, the reference
     as a green mark; shape (160, 480, 3)."""
     image: Picture = np.full((HEIGHT, WIDTH, 3), _GROUND, dtype=np.uint8)

@@ -3,11 +3,10 @@
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
+from smad.arrays import Array
 from smad.envs.errors import EnvError
 
-Array = npt.NDArray[np.float64]
 Reference = Callable[[np.random.Generator, Array], Array]
 """Positions in mm at the times given in s, shape as the times."""
 REACH_mm = 4.0

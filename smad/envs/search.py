@@ -10,10 +10,10 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from smad.arrays import Array, Singles
 from smad.envs.errors import EnvError
 from smad.envs.signals import NAMES
 
-Array = npt.NDArray[np.float64]
 _U, _X, _Y, _INLET, _NOW, _AHEAD = (
     NAMES.index(name)
     for name in (
@@ -42,7 +42,7 @@ class Vector(Protocol):
     def step(self, actions: npt.ArrayLike, /) -> tuple[Any, Any, Any, Any, dict[str, Any]]: ...
 
 
-def act(weights: Array, seen: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.float32]:
+def act(weights: Array, seen: npt.NDArray[np.floating[Any]]) -> Singles:
     """Actions of the kind "demand" for observations.
 
     weights (…, 7), see WEIGHTS; seen (…, 12). The two springs are treated alike: what warms X

@@ -4,13 +4,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from firmware_protocol.supervisor.limits import compiled_limits
 from sim_device.hardware import I16_MOST, U16_MOST, RTD_RAIL_HIGH_cC, RTD_RAIL_LOW_cC
+from smad.arrays import Array, Singles
 from smad.envs.errors import ActionRefused, EnvError
 
-Array = npt.NDArray[np.float64]
 PREVIEW_S = 0.5
 """How far ahead the second reference looks."""
 _TRAVEL_mm, _FORCE_N = 100.0, 100.0
@@ -58,7 +57,7 @@ ACTIONS = tuple(_ACTIONS)
 positive and to Y where it is negative. Both with two pump duties, 0 to 1."""
 
 
-def action_range(kind: str) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+def action_range(kind: str) -> tuple[Singles, Singles]:
     """Lowest and highest action of a kind of ACTIONS. Raises EnvError for another."""
     if kind not in _ACTIONS:
         raise EnvError("no such kind of action", value=kind, limit=", ".join(ACTIONS))

@@ -11,9 +11,10 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from smad.arrays import Array, Mask, Singles
 from smad.envs.episodes import Episodes, Stepped, Task
 from smad.envs.errors import EnvError
-from smad.envs.pair import FRAMES_PER_S, Observation, action_space, observation_space
+from smad.envs.pair import FRAMES_PER_S, action_space, observation_space
 
 
 class SpringPairVectorEnv(VectorEnv[Any, Any, Any]):
@@ -59,7 +60,7 @@ class SpringPairVectorEnv(VectorEnv[Any, Any, Any]):
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[Observation, dict[str, Any]]:
+    ) -> tuple[Singles, dict[str, Any]]:
         """Begin all episodes. seed: one each, or that of the first, the others counting up."""
         seeds = self._seeds(seed)
         if not self._generators or seed is not None:
@@ -78,15 +79,7 @@ class SpringPairVectorEnv(VectorEnv[Any, Any, Any]):
             raise EnvError("not one seed for each", value=len(seed), limit=self.num_envs)
         return list(seed)
 
-    def step(
-        self, actions: npt.ArrayLike
-    ) -> tuple[
-        Observation,
-        npt.NDArray[np.float64],
-        npt.NDArray[np.bool_],
-        npt.NDArray[np.bool_],
-        dict[str, Any],
-    ]:
+    def step(self, actions: npt.ArrayLike) -> tuple[Singles, Array, Mask, Mask, dict[str, Any]]:
         """One sample of all. Raises ActionRefused where an action lies outside its space."""
         if not self._generators:
             raise EnvError("no episode has begun", action="call reset first")

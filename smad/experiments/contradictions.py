@@ -28,6 +28,5 @@ def numbered() -> list[str]:
 
 def reference(key: str) -> str:
     """Where a row points to; raises KeyError for a key that is not in the table."""
-    if key not in CONTRADICTIONS:
-        raise KeyError(key)
-    return f"see contradiction {list(CONTRADICTIONS).index(key) + 1}"
+    numbers = {name: k for k, name in enumerate(CONTRADICTIONS, 1)}
+    return f"see contradiction {numbers[key]}"

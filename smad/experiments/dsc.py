@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
@@ -51,10 +51,10 @@ class Peak:
 class Dsc(Experiment[DscOptions]):
     """Analysis of a differential scanning calorimetry."""
 
-    name: ClassVar[str] = "dsc"
-    title: ClassVar[str] = "Fig. 2: differential scanning calorimetry"
-    needs: ClassVar[frozenset[str]] = frozenset()
-    options_type: ClassVar[type[Options]] = DscOptions
+    name = "dsc"
+    title = "Fig. 2: differential scanning calorimetry"
+    needs = frozenset()
+    options_type = DscOptions
 
     def mountings(self) -> frozenset[Mounting]:
         return frozenset()

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
@@ -36,10 +36,10 @@ class ThermalOptions(Options, frozen=True, kw_only=True):
 class Fig10Thermal(Experiment[ThermalOptions]):
     """Heating and cooling of spring X, compared with a replay of the same currents and duties."""
 
-    name: ClassVar[str] = "fig10-thermal"
-    title: ClassVar[str] = "Fig. 10: heating at 1 A, cooling by water"
-    needs: ClassVar[frozenset[str]] = frozenset({"rtd_x_degC", "i_meas_x_A"})
-    options_type: ClassVar[type[Options]] = ThermalOptions
+    name = "fig10-thermal"
+    title = "Fig. 10: heating at 1 A, cooling by water"
+    needs = frozenset({"rtd_x_degC", "i_meas_x_A"})
+    options_type = ThermalOptions
 
     def trials(self) -> tuple[str, ...]:
         return ("fig10-thermal/1A", "fig10-thermal/4A")

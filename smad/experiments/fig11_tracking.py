@@ -1,13 +1,13 @@
 """Fig. 11: a sinusoid of 2 mm and 7 s, with water and in air."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 from msgspec import Meta
 
 from sim_device.plant.parameters import ParameterSet
 from smad.control.metrics import tracking_r2
-from smad.experiments.base import Comparison, Findings, Options
+from smad.experiments.base import Comparison, Findings
 from smad.experiments.driver import Driver
 from smad.experiments.recording import Recording
 from smad.experiments.tracking import CONTROLS, SineExperiment, SineOptions, score_of, sine_plan
@@ -29,9 +29,9 @@ class TrackingOptions(SineOptions, frozen=True, kw_only=True):
 class Fig11Tracking(SineExperiment[TrackingOptions]):
     """The same sinusoid with each control."""
 
-    name: ClassVar[str] = "fig11-tracking"
-    title: ClassVar[str] = "Fig. 11: tracking 2 mm, 7 s"
-    options_type: ClassVar[type[Options]] = TrackingOptions
+    name = "fig11-tracking"
+    title = "Fig. 11: tracking 2 mm, 7 s"
+    options_type = TrackingOptions
 
     def trials(self) -> tuple[str, ...]:
         return tuple(f"{self.name}/{control}" for control in self.controls())

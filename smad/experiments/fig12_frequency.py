@@ -3,12 +3,12 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 from msgspec import Meta
 
 from sim_device.plant.parameters import ParameterSet
-from smad.experiments.base import Comparison, Findings, Options
+from smad.experiments.base import Comparison, Findings
 from smad.experiments.driver import Driver
 from smad.experiments.tracking import (
     CONTROLS,
@@ -66,9 +66,9 @@ class Largest:
 class Fig12Frequency(SineExperiment[FrequencyOptions]):
     """A search over frequency for each amplitude and control."""
 
-    name: ClassVar[str] = "fig12-frequency"
-    title: ClassVar[str] = "Fig. 12: largest frequency followed"
-    options_type: ClassVar[type[Options]] = FrequencyOptions
+    name = "fig12-frequency"
+    title = "Fig. 12: largest frequency followed"
+    options_type = FrequencyOptions
 
     def trials(self) -> tuple[str, ...]:
         # The slowest first, so that no process is left with them at the end.

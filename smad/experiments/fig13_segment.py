@@ -1,7 +1,7 @@
 """Figs 13 and 14: ±4 mm of the springs turn the robot's end segment by ±25°."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
@@ -31,10 +31,10 @@ class SegmentOptions(Options, frozen=True, kw_only=True):
 class Fig13Segment(Experiment[SegmentOptions]):
     """Back and forth between the two angles, by way of the middle."""
 
-    name: ClassVar[str] = "fig13-segment"
-    title: ClassVar[str] = "Figs 13, 14: the end segment of MINIR-II"
-    needs: ClassVar[frozenset[str]] = frozenset({"displacement_mm", "rtd_x_degC", "rtd_y_degC"})
-    options_type: ClassVar[type[Options]] = SegmentOptions
+    name = "fig13-segment"
+    title = "Figs 13, 14: the end segment of MINIR-II"
+    needs = frozenset({"displacement_mm", "rtd_x_degC", "rtd_y_degC"})
+    options_type = SegmentOptions
 
     @property
     def amplitude_mm(self) -> float:

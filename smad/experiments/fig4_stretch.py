@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
@@ -55,12 +55,10 @@ class Curve:
 class Fig4Stretch(Experiment[StretchOptions]):
     """Isothermal stretches in martensite and in austenite."""
 
-    name: ClassVar[str] = "fig4-stretch"
-    title: ClassVar[str] = "Fig. 4: stretching a spring cold and warm"
-    needs: ClassVar[frozenset[str]] = frozenset(
-        {"force_N", "displacement_mm", "rtd_x_degC", "stage"}
-    )
-    options_type: ClassVar[type[Options]] = StretchOptions
+    name = "fig4-stretch"
+    title = "Fig. 4: stretching a spring cold and warm"
+    needs = frozenset({"force_N", "displacement_mm", "rtd_x_degC", "stage"})
+    options_type = StretchOptions
 
     def mountings(self) -> frozenset[Mounting]:
         return frozenset({Mounting("stretch")})

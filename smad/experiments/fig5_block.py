@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
@@ -66,10 +66,10 @@ class Block:
 class Fig5Block(Experiment[BlockOptions]):
     """Block tests at two prestresses."""
 
-    name: ClassVar[str] = "fig5-block"
-    title: ClassVar[str] = "Fig. 5: block tests at two prestresses"
-    needs: ClassVar[frozenset[str]] = frozenset({"force_N", "rtd_x_degC", "stage"})
-    options_type: ClassVar[type[Options]] = BlockOptions
+    name = "fig5-block"
+    title = "Fig. 5: block tests at two prestresses"
+    needs = frozenset({"force_N", "rtd_x_degC", "stage"})
+    options_type = BlockOptions
 
     def mountings(self) -> frozenset[Mounting]:
         return frozenset({Mounting("blocked")})

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
@@ -33,12 +33,10 @@ class CycleOptions(Options, frozen=True, kw_only=True):
 class Fig9Cycle(Experiment[CycleOptions]):
     """X pulls, cools; Y pulls, cools."""
 
-    name: ClassVar[str] = "fig9-cycle"
-    title: ClassVar[str] = "Fig. 9: a cycle of ±10 mm"
-    needs: ClassVar[frozenset[str]] = frozenset(
-        {"displacement_mm", "force_N", "rtd_x_degC", "rtd_y_degC"}
-    )
-    options_type: ClassVar[type[Options]] = CycleOptions
+    name = "fig9-cycle"
+    title = "Fig. 9: a cycle of ±10 mm"
+    needs = frozenset({"displacement_mm", "force_N", "rtd_x_degC", "rtd_y_degC"})
+    options_type = CycleOptions
 
     def plan(self) -> Plan:
         """A step each way, and water on both springs after each; the first cycle has the marks."""

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_protocol.enums import BoardState
+from smad.arrays import Array
 from smad.config import Config, bench_in
 from smad.control.commands import FollowInputs
 from smad.control.inputs import LONGEST_QUEUE_ROWS, require_playable
@@ -33,8 +33,6 @@ LONGEST_GAP_S = 0.1
 """A board that hears nothing for so long lets go of the current, whatever the log says before."""
 _RATE_TOLERANCE = 0.02
 _DECIMALS = 4
-
-Column = NDArray[np.float64]
 
 
 class RepeatError(ExperimentError):
@@ -197,7 +195,7 @@ def _armed(columns: Any, name: str) -> slice:
     return rows
 
 
-def _inputs(column: Any, rows: slice, t_s: Column, name: str, channel: str) -> tuple[float, ...]:
+def _inputs(column: Any, rows: slice, t_s: Array, name: str, channel: str) -> tuple[float, ...]:
     values = np.asarray(column, float)[rows][1:]
     lost = np.flatnonzero(~np.isfinite(values))
     if len(lost):

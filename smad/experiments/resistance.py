@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
@@ -33,10 +33,10 @@ class ResistanceOptions(Options, frozen=True, kw_only=True):
 class Resistance(Experiment[ResistanceOptions]):
     """Voltage against a staircase of small currents, both springs."""
 
-    name: ClassVar[str] = "resistance"
-    title: ClassVar[str] = "Resistance at room temperature"
-    needs: ClassVar[frozenset[str]] = frozenset({"v_x_V", "i_meas_x_A", "rtd_x_degC"})
-    options_type: ClassVar[type[Options]] = ResistanceOptions
+    name = "resistance"
+    title = "Resistance at room temperature"
+    needs = frozenset({"v_x_V", "i_meas_x_A", "rtd_x_degC"})
+    options_type = ResistanceOptions
 
     def plan(self) -> Plan:
         """Steps of current from a fifth to the whole, in both springs at once."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -39,7 +40,7 @@ class Start:
 
 def start_of_row(row: Row) -> Start:
     """The start that a sample would be."""
-    return _start(row.displacement_mm, row.rtd_x_degC, row.rtd_y_degC, row.rtd_inlet_degC)
+    return _start(lambda name: getattr(row, name))
 
 
 def start_of_columns(columns: dict[str, Column], first: int = 0) -> Start:
@@ -50,15 +51,15 @@ def start_of_columns(columns: dict[str, Column], first: int = 0) -> Start:
         values = values[np.isfinite(values)]
         return float(np.median(values)) if len(values) else None
 
-    return _start(
-        shown("displacement_mm"), shown("rtd_x_degC"), shown("rtd_y_degC"), shown("rtd_inlet_degC")
-    )
+    return _start(shown)
 
 
-def _start(
-    displacement_mm: float | None, x: float | None, y: float | None, water: float | None
-) -> Start:
+def _start(shown: Callable[[str], float | None]) -> Start:
+    """The start by what each channel shows."""
+    water = shown("rtd_inlet_degC")
+
     def over(spring: float | None) -> float | None:
         return None if spring is None or water is None else spring - water
 
-    return Start(displacement_mm, (over(x), over(y)))
+    springs = over(shown("rtd_x_degC")), over(shown("rtd_y_degC"))
+    return Start(shown("displacement_mm"), springs)

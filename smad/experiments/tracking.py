@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, TypeVar
+from typing import Annotated, TypeVar
 
 import msgspec
 import numpy as np
@@ -57,7 +57,7 @@ S = TypeVar("S", bound=SineOptions)
 class SineExperiment(Experiment[S]):
     """Follows sinusoids with each of `CONTROLS` that the settings do not leave out."""
 
-    needs: ClassVar[frozenset[str]] = frozenset({"displacement_mm", "rtd_x_degC", "rtd_y_degC"})
+    needs = frozenset({"displacement_mm", "rtd_x_degC", "rtd_y_degC"})
 
     def controls(self) -> tuple[str, ...]:
         """Names of the controls that are compared."""

@@ -154,7 +154,9 @@ class VirtualDriver:
             versions=installed_versions(),
             extra={"plan": msgspec.json.encode([repr(action) for action in plan.actions]).decode()},
         )
-        events = [mark_event(name, at_s) for name, at_s in marks.items()]
+        events = [
+            Event(t_s=at_s, kind="note", text=f"{MARK}{name}") for name, at_s in marks.items()
+        ]
         records: list[Record] = [*rows, *events]
         write_run(path, header, records)
 
@@ -172,8 +174,3 @@ def _known_parts(lacking: frozenset[str]) -> frozenset[str]:
 
 MARK = "mark "
 """How the text of a note begins that marks a moment of a plan."""
-
-
-def mark_event(name: str, t_s: float) -> Event:
-    """The event by which a run log remembers a mark."""
-    return Event(t_s=t_s, kind="note", text=f"{MARK}{name}")

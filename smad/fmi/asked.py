@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_device.plant.units import UNITS
+from smad.arrays import Array
 from smad.diagnosis import Answer, diagnose
 from smad.diagnosis.data.columns import filled
 from smad.diagnosis.errors import GapError, PlantMismatch
@@ -42,7 +42,6 @@ _COARSE, _SHORT = 5.0, 2.0
 """Of the lag that a map names: a longest step, and a shortest run, that make sense."""
 _MOVED = 0.1
 """Of the way to the middle of its range, a parameter for a replay that is timed."""
-Column = NDArray[np.float64]
 
 
 def diagnose_unit(
@@ -155,7 +154,7 @@ def read_mapped(path: Path, mapped: Map, *, measured: bool = True) -> GapRun:
     return GapRun(path.stem, t_s, inputs, outputs, notes=notes, written=written)
 
 
-def _time_s(path: Path, column: Column, mapped: Map, stamp_unit: str) -> Column:
+def _time_s(path: Path, column: Array, mapped: Map, stamp_unit: str) -> Array:
     """The time in s, by the unit of the map or of the column's name; it must increase."""
     require_rising(column, f"{path}: time {mapped.time!r}", FmiError)
     unit = stamp_unit or mapped.time_unit or unit_in(mapped.time)
@@ -203,7 +202,7 @@ def _written(row: InputRow | ChannelRow, name: str) -> Written:
     return replace(read, scale=row.scale * read.scale, offset=row.scale * read.offset + row.offset)
 
 
-def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...], tuple[str, ...]]:
+def _columns(path: Path, mapped: Map) -> tuple[dict[str, Array], tuple[str, ...], tuple[str, ...]]:
     """The columns that the map names, with the time; what was not read; which are stamps."""
     rows: dict[str, InputRow | ChannelRow] = {**mapped.inputs, **mapped.channels}
     names = [mapped.time, *(row.column or name for name, row in rows.items())]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_device.plant import kernel as k
 from sim_device.plant.fields import ORDERINGS
@@ -13,12 +12,12 @@ from sim_device.plant.models import Model
 from sim_device.plant.plant import MAX_STEP_S
 from sim_device.plant.replay import OUTPUTS
 from sim_device.plant.setup import Setup
+from smad.arrays import Array
 from smad.fmi.library import RECORDS
 from smad.fmi.to_c import Program
 from smad.fmi.traced import Symbol, trace, written
 from smad.fmi.variables import Variable
 
-Array = npt.NDArray[np.float64]
 ENTRIES = (k.rest, k.advance, k.lay_curves)
 
 
@@ -42,6 +41,7 @@ def kernel_source(
     outputs = [v.name for v in variables if v.causality == "output"]
     limited = [v for v in variables if v.causality != "output"]
     first = next(n for n, v in enumerate(variables) if v.causality == "parameter")
+    places = [k.place_of(k.State, OUTPUTS[name][0]) for name in outputs]
     memory = setup.memory()
     orders = [tuple(model.parameters.names.index(name) for name in pair) for pair in ORDERINGS]
     parts = [
@@ -58,17 +58,13 @@ def kernel_source(
         f"STARTS_AT = {names.index('ambient_K' if cooling == 'air' else 'inlet_K')},\n"
         f"       HAS_LAWS = {int(len(setup.laws) > 0)}, UNIFIED = {int(setup.e.unified > 0.0)} }};",
         f"static const double MAX_STEP = {written(MAX_STEP_S)};",
-        f"static const int OUTPUT_PLACE[] = {{{_joined(_place(name) for name in outputs)}}};",
+        f"static const int OUTPUT_PLACE[] = {{{_joined(places)}}};",
         f"static const double OUTPUT_OFF[] = {{{_joined(OUTPUTS[n][1] for n in outputs)}}};",
         _limits(limited),
         f"static const int ORDERS[][2] = {{{_joined(f'{{{a}, {b}}}' for a, b in orders)}}};",
         _constants(model, setup),
     ]
     return "\n\n".join(parts) + "\n"
-
-
-def _place(name: str) -> int:
-    return k.place_of(k.State, OUTPUTS[name][0])
 
 
 def _joined(values: Iterable[object]) -> str:

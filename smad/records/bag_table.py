@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.errors import LogImportError, first_line
 from smad.extras import part
 from smad.runlog.bounds import require_bounded
@@ -53,7 +54,7 @@ class BagTable:
         """Messages of the topic that has most."""
         return max(self.counts.values(), default=0)
 
-    def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, Array]]:
         """The columns named. Raises LogImportError for a bag that cannot be read to its end."""
         wanted = list(wanted)
         topics = {self.places[name][0] for name in wanted if name != TIME}
@@ -83,7 +84,7 @@ class BagTable:
 
     def _series(
         self, wanted: list[str], topics: set[str]
-    ) -> dict[str, tuple[NDArray[np.int64], NDArray[np.float64]]]:
+    ) -> dict[str, tuple[NDArray[np.int64], Array]]:
         fields: dict[str, list[tuple[str, str]]] = {topic: [] for topic in topics}
         for name in wanted:
             topic, field = self.places[name]

@@ -7,8 +7,8 @@ from typing import Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.config.toml_file import read_toml
 from smad.errors import LogImportError
 from smad.records.column_names import Assignment, ColumnRule, assign, is_time
@@ -61,7 +61,7 @@ class Channels:
     `written` says of each how it stands in the file.
     """
 
-    columns: dict[str, NDArray[np.float64]]
+    columns: dict[str, Array]
     written: dict[str, Written]
     assignment: Assignment
     notes: tuple[str, ...]
@@ -122,7 +122,7 @@ def _time_of_stamps(table: ForeignTable, rules: Mapping[str, ColumnRule]) -> dic
     return {stamps[0]: ColumnRule("t_s", "s")}
 
 
-def hold_last_value(column: NDArray[np.float64]) -> NDArray[np.float64]:
+def hold_last_value(column: Array) -> Array:
     """The column, shape (n,), with each number in force until the next; NaN before the first."""
     finite = np.isfinite(column)
     last = np.maximum.accumulate(np.where(finite, np.arange(len(column)), -1))
@@ -131,7 +131,7 @@ def hold_last_value(column: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _converted(
     table: ForeignTable, assignment: Assignment, rules: Mapping[str, ColumnRule]
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Array]:
     columns = {}
     if "t_s" not in {rule.channel for rule in assignment.rules.values()}:
         raise LogImportError(
@@ -172,9 +172,7 @@ def _converted(
     return {name: columns[name] for name in CHANNELS if name in columns}
 
 
-def _check_time(
-    table: ForeignTable, assignment: Assignment, columns: Mapping[str, NDArray[np.float64]]
-) -> None:
+def _check_time(table: ForeignTable, assignment: Assignment, columns: Mapping[str, Array]) -> None:
     t_s = columns["t_s"]
     name = next(n for n, rule in assignment.rules.items() if rule.channel == "t_s")
     untimed = np.flatnonzero(~np.isfinite(t_s))

@@ -86,7 +86,7 @@ def read_head(path: Path, file: TextIO, delimiter: str = "") -> Head:
     cells = _cells(path, numbers, delimiter)
     rows = [_fitting(_cells(path, line, delimiter), cells) for line in before]
     wide = [k for k, row in enumerate(rows) if len(row) == len(cells)]
-    named = [k for k in wide if all(map(_is_word, rows[k]))]
+    named = [k for k in wide if not any(map(_NUMBER.match, rows[k]))]
     if not named and all(len(row) == 1 for row in rows) and len(cells) > 1:
         raise _unnamed(path, numbers)
     row = last = named[-1] if named else 0
@@ -182,11 +182,6 @@ def _cells(path: Path, line: _Line, delimiter: str) -> list[str]:
         raise LogImportError(
             f"{path}, line {line.number}: {error}", action="write the names of the columns there"
         ) from None
-
-
-def _is_word(cell: str) -> bool:
-    """Whether a cell may be a name: no number."""
-    return not _NUMBER.match(cell)
 
 
 def _are_units(cells: Sequence[str]) -> bool:

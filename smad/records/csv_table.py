@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, BinaryIO, Literal, NoReturn, TextIO, cast
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.counted import counted
 from smad.errors import LogImportError
 from smad.records.csv_head import Head, read_head
@@ -93,7 +93,7 @@ class CsvTable:
         taken = f"it is no UTF-8: its names are read as {self.encoding}"
         return (*self.head.passed_over, *([taken] if self.guessed else []))
 
-    def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, Array]]:
         """The columns named, each of shape (rows,), NaN where a cell is empty.
 
         Raises LogImportError for a row of another length, text in numbers, or no rows.
@@ -177,7 +177,7 @@ class CsvTable:
             return str(error)
         return ""
 
-    def _numbers(self, name: str, texts: pyarrow.Array, before: int) -> NDArray[np.float64]:
+    def _numbers(self, name: str, texts: pyarrow.Array, before: int) -> Array:
         """The numbers of a piece of a column that `before` rows stand before."""
         import pyarrow as pa
         from pyarrow import compute
@@ -202,7 +202,7 @@ class CsvTable:
             row = _first_text(plain)
             self._refuse(name, before + row, texts[row].as_py())
 
-    def _stamps(self, name: str, texts: pyarrow.Array, before: int) -> NDArray[np.float64]:
+    def _stamps(self, name: str, texts: pyarrow.Array, before: int) -> Array:
         """Seconds since the stamp of the first row."""
         first = self.head.first[self.names.index(name)]
         start, out = read_stamp(first, self.form.time_format), np.full(len(texts), np.nan)

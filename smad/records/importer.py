@@ -7,8 +7,8 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.errors import LogImportError
 from smad.records.channels import (
     APPLIED,
@@ -93,7 +93,7 @@ def import_table(
     )
 
 
-def _plausible(source: Path, named: Channels) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+def _plausible(source: Path, named: Channels) -> tuple[dict[str, Array], list[str]]:
     """The columns without what is no reading, and what was left out in words.
 
     Raises LogImportError for a column that cannot be in its unit.
@@ -166,7 +166,7 @@ def _header(
     source: Path,
     beside: RunHeader,
     assignment: Assignment,
-    columns: Mapping[str, NDArray[np.float64]],
+    columns: Mapping[str, Array],
 ) -> RunHeader:
     t_s = columns["t_s"]
     changes: dict[str, Any] = {
@@ -193,7 +193,7 @@ def _header(
     return msgspec.structs.replace(beside, **changes)
 
 
-def _records(columns: Mapping[str, NDArray[np.float64]], beside: _Beside) -> Iterator[Record]:
+def _records(columns: Mapping[str, Array], beside: _Beside) -> Iterator[Record]:
     names = list(columns)
     for start in range(0, len(columns["t_s"]), _ROWS_AT_ONCE):
         part = slice(start, start + _ROWS_AT_ONCE)
@@ -205,7 +205,7 @@ def _records(columns: Mapping[str, NDArray[np.float64]], beside: _Beside) -> Ite
     yield from beside.link
 
 
-def _plain_list(name: str, column: NDArray[np.float64]) -> list[Any]:
+def _plain_list(name: str, column: Array) -> list[Any]:
     values: list[float] = column.tolist()
     if CHANNELS[name].kind == "float":
         return values

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.counted import listed
 from smad.errors import LogImportError, SmadError
 from smad.records.bag_table import is_bag, open_bag
@@ -56,7 +56,7 @@ class ForeignTable(Protocol):
     def stamps(self) -> Mapping[str, str]:
         """Columns of dates and times, read in s since the first; or what to say of one."""
 
-    def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, Array]]:
         """The columns named, each of shape (rows,), NaN where nothing stands.
 
         One by one, so that whoever converts them need not hold all of them twice.
@@ -76,7 +76,7 @@ class ParquetTable:
     stamps: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
-    def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, Array]]:
         """The columns named. Raises LogImportError for text in one, and without rows."""
         import pyarrow as pa
         from pyarrow import parquet
@@ -124,7 +124,7 @@ class ParquetTable:
     def place_of(self, row: int) -> str:
         return f"row {row + 1}"
 
-    def _numbers(self, name: str, column: pyarrow.ChunkedArray) -> NDArray[np.float64]:
+    def _numbers(self, name: str, column: pyarrow.ChunkedArray) -> Array:
         import pyarrow as pa
 
         try:
@@ -204,7 +204,7 @@ class Columns:
     """
 
     names: list[str]
-    numbers: dict[str, NDArray[np.float64]]
+    numbers: dict[str, Array]
     unread: dict[str, str]
     notes: tuple[str, ...]
     stamps: tuple[str, ...] = ()
@@ -228,7 +228,7 @@ def read_columns(
     require_bounded(path)
     table = open_table(path, form)
     remaining = [n for n in table.names if wanted is None or n in wanted]
-    numbers, unread = dict[str, NDArray[np.float64]](), dict[str, str]()
+    numbers, unread = dict[str, Array](), dict[str, str]()
     while remaining:
         try:
             numbers |= dict(table.columns(remaining))
@@ -245,7 +245,7 @@ def read_columns(
     return Columns(table.names, numbers, unread, table.notes, stamps)
 
 
-def require_rising(t_s: NDArray[np.float64], where: str, error: type[SmadError]) -> None:
+def require_rising(t_s: Array, where: str, error: type[SmadError]) -> None:
     """Raise the error for times, shape (n,), that are not known, or do not increase."""
     back = np.flatnonzero(~(np.diff(t_s) > 0))
     if back.size or not np.isfinite(t_s).all():

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.errors import LogImportError
 from smad.units import alternatives, known
 
@@ -28,16 +28,16 @@ class Written:
         zero, one = convert(np.array([offset, offset + scale]), unit, to).tolist()
         return cls(unit if unit != to else "", one - zero, zero)
 
-    def numbers(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def numbers(self, values: Array) -> Array:
         """The numbers in the file of values, shape (n,)."""
         return (values - self.offset) / self.scale if self.scale else values
 
-    def values(self, numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    def values(self, numbers: Array) -> Array:
         """The values of numbers in the file, shape (n,)."""
         return numbers * self.scale + self.offset
 
 
-def convert(values: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float64]:
+def convert(values: Array, unit: str, to: str) -> Array:
     """`values`, shape (n,), from `unit` to `to`. Raises LogImportError when these do not fit."""
     if unit == to:
         return values

@@ -136,16 +136,12 @@ def described(planes: Sequence[Plane]) -> tuple[list[dict[str, Any]], list[list[
     return [
         {
             "title": plane.title,
-            "x": _axis(plane.x),
-            "y": _axis(plane.y),
+            "x": plane.x,
+            "y": plane.y,
             "curves": [values.describe(curve, plane) for curve in plane.curves],
         }
         for plane in planes
     ], values.lists
-
-
-def _axis(quantity: Quantity) -> dict[str, Any]:
-    return {"label": quantity.label, "unit": quantity.unit, "digits": quantity.digits}
 
 
 class _Values:

@@ -27,8 +27,7 @@ from smad.simulators.columns import (
 )
 from smad.simulators.declare import Simulator
 from smad.simulators.errors import SimulatorError
-from smad.simulators.places import SimulatorPlaces
-from smad.simulators.plant import SimulatedPlant
+from smad.simulators.plant import SimulatedPlant, SimulatorPlaces
 
 _SHORTEST = 4.0
 """Correlation times of what is measured that a run must be long, or as long as of any plant."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
@@ -80,19 +80,32 @@ class Roles:
     seconds: float
 
 
+class _Trial:
+    """A function and the columns of a run; `values` are those that it begins with."""
+
+    def __init__(self, declared: Simulator, table: Table) -> None:
+        self.declared, self.table = declared, table
+        # What lacks is bridged, as in an admitted run.
+        columns = {n: bridged(c) for n, c in table.columns.items() if np.isfinite(c).any()}
+        self._starting = FirstReadings(replace(table, columns=columns))
+        columns |= {n: np.zeros(len(table.t_s)) for n in declared.forces}
+        self.watched = WatchedColumns(replace(table, columns=columns))
+        self.values = declared.values({}, {})
+
+    def outputs(self, values: Mapping[str, float]) -> dict[str, Array]:
+        """One call of the function."""
+        return called(self.declared, self.table.t_s, self.watched, values, self._starting)
+
+
 def roles(declared: Simulator, table: Table) -> Roles:
     """What the function makes of the columns of a run.
 
     Raises SimulatorError for a function that cannot be asked: it fails, writes to what it is given,
     returns another length, is not the same twice.
     """
-    # What lacks is bridged, as in an admitted run.
-    columns = {n: bridged(c) for n, c in table.columns.items() if np.isfinite(c).any()}
-    starting = FirstReadings(replace(table, columns=columns))
-    columns |= {n: np.zeros(len(table.t_s)) for n in declared.forces}
-    watched = WatchedColumns(replace(table, columns=columns))
-    values = declared.values({}, {})
-    first = _first(declared, table, watched, values, starting)
+    trial = _Trial(declared, table)
+    watched = trial.watched
+    first = _first(trial)
     sources = {n: table.source_of(n) for n in first}
     outputs = [n for n, s in sources.items() if s == n or (s and s not in sources)]
     unread = [why for n in first if (why := table.why_unread(n))]
@@ -105,7 +118,7 @@ def roles(declared: Simulator, table: Table) -> Roles:
             limit=", ".join(table.columns),
             action="return outputs by the names of their columns",
         )
-    _require_no_slip(declared, table, watched, sources)
+    _require_no_slip(trial, sources)
     peeked = [n for n in watched.read if n in outputs]
     if peeked:
         raise SimulatorError(
@@ -119,16 +132,14 @@ def roles(declared: Simulator, table: Table) -> Roles:
                 value=table.name,
                 action="begin with values at which it runs",
             )
-    _require_used(declared, {*watched.read, *first, *values})
+    _require_used(declared, {*watched.read, *first, *trial.values})
     first = {n: first[n] for n in outputs}
-    seconds = _require_same(declared, table, watched, starting, first)
+    seconds = _require_same(trial, first)
     return Roles(
         inputs=[n for n in watched.read if n not in outputs],
         outputs=outputs,
         unmeasured=[n for n, s in sources.items() if not s],
-        idle=_idle(
-            declared, lambda v: called(declared, table.t_s, watched, v, starting), first, seconds
-        ),
+        idle=_idle(trial, first, seconds),
         seconds=seconds,
     )
 
@@ -145,11 +156,10 @@ def _require_used(declared: Simulator, used: set[str]) -> None:
             )
 
 
-def _require_no_slip(
-    declared: Simulator, table: Table, watched: WatchedColumns, sources: Mapping[str, str]
-) -> None:
+def _require_no_slip(trial: _Trial, sources: Mapping[str, str]) -> None:
     """Raise SimulatorError for an output that is likely a column under another name."""
-    used = {*sources.values(), *map(table.source_of, watched.read), *declared.observed}
+    declared, table = trial.declared, trial.table
+    used = {*sources.values(), *map(table.source_of, trial.watched.read), *declared.observed}
     free = [n for n in table.columns if n not in used]
     quantities = {quantity_in(n)[0]: n for n in free}
     for name in (n for n, source in sources.items() if not source):
@@ -162,15 +172,10 @@ def _require_no_slip(
             )
 
 
-def _first(
-    declared: Simulator,
-    table: Table,
-    watched: WatchedColumns,
-    values: Mapping[str, float],
-    starting: Mapping[str, float],
-) -> dict[str, Array]:
+def _first(trial: _Trial) -> dict[str, Array]:
+    declared, table = trial.declared, trial.table
     try:
-        return called(declared, table.t_s, watched, values, starting)
+        return trial.outputs(trial.values)
     except KeyError as error:
         name = str(error.args[0])
         empty = f"{table.name}: column {name!r} holds no number" if table.source_of(name) else ""
@@ -178,7 +183,7 @@ def _first(
             raise SimulatorError(why) from error
         raise SimulatorError(
             f"{declared.name} asks for {name!r}, which is neither a column nor a value",
-            limit=", ".join([*table.columns, *values]),
+            limit=", ".join([*table.columns, *trial.values]),
             action="correct the name, or declare it",
         ) from error
     except Exception as error:  # whatever somebody else's function does
@@ -197,21 +202,15 @@ def _first(
         ) from error
 
 
-def _require_same(
-    declared: Simulator,
-    table: Table,
-    watched: WatchedColumns,
-    starting: Mapping[str, float],
-    first: Mapping[str, Array],
-) -> float:
+def _require_same(trial: _Trial, first: Mapping[str, Array]) -> float:
     """The same again, also after other values, or it is no function; the s that a call takes."""
-    values = declared.values({}, {})
-    moved = values | {p.name: p.nominal + 0.1 * p.prior_sd for p in declared.parameters[:1]}
+    declared = trial.declared
+    moved = {p.name: p.nominal + 0.1 * p.prior_sd for p in declared.parameters[:1]}
     with contextlib.suppress(Exception):  # it may fail elsewhere: such a model is dropped
-        called(declared, table.t_s, watched, moved, starting)
+        trial.outputs(trial.values | moved)
     # The calls before may have compiled it.
     began = time.perf_counter()
-    again = called(declared, table.t_s, watched, values, starting)
+    again = trial.outputs(trial.values)
     seconds = time.perf_counter() - began
     for name in first:
         if not np.array_equal(first[name], again[name], equal_nan=True):
@@ -224,25 +223,21 @@ def _require_same(
     return seconds
 
 
-def _idle(
-    declared: Simulator,
-    call: Callable[[Mapping[str, float]], Mapping[str, Array]],
-    first: Mapping[str, Array],
-    seconds: float,
-) -> list[str]:
+def _idle(trial: _Trial, first: Mapping[str, Array], seconds: float) -> list[str]:
     """Parameters and effects that change no output, as one whose name the function misspells.
 
     Empty for a function that takes long.
     """
-    moved = {p.name: p.nominal + 0.1 * p.prior_sd for p in declared.parameters} | {
-        value_name(e, q): q.typical for e in declared.effects for q in e.parameters if q.strength
+    of = trial.declared
+    moved = {p.name: p.nominal + 0.1 * p.prior_sd for p in of.parameters} | {
+        value_name(e, q): q.typical for e in of.effects for q in e.parameters if q.strength
     }
     if len(moved) * seconds > _CHECKED_S:
         return []
     idle = []
     for name, value in moved.items():
         with contextlib.suppress(Exception):  # where it fails, it does not do nothing
-            outputs = call(declared.values({}, {}) | {name: value})
+            outputs = trial.outputs(trial.values | {name: value})
             if all(np.array_equal(y, outputs[n], equal_nan=True) for n, y in first.items()):
                 idle.append(name)
     return idle

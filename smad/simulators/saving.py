@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from smad.diagnosis.plant import ModelPoint, Uncertainty
@@ -52,12 +53,8 @@ def model_text(
                 f"coefficient = {float(term.coefficient)!r}",
             ]
             for factor in term.factors:
-                lines += [
-                    "[[laws.factors]]", f"state = {quoted(factor.state)}",
-                    f"kind = {quoted(factor.kind)}", f"lag_s = {float(factor.lag_s)!r}",
-                    f"low = {float(factor.low)!r}", f"high = {float(factor.high)!r}",
-                    f"centre = {float(factor.centre)!r}", f"scale = {float(factor.scale)!r}",
-                ]  # fmt: skip
+                lines += ["[[laws.factors]]"]
+                lines += [f"{name} = {quoted(value)}" for name, value in asdict(factor).items()]
     if uncertainty is not None and len(uncertainty.names):
         lines += ["", "[uncertainty]", f"names = {quoted(list(uncertainty.names))}",
                   f"covariance = {quoted(uncertainty.covariance.tolist())}"]  # fmt: skip

@@ -78,11 +78,6 @@ def _fit(t: Array, y: Array, powers: tuple[int, ...]) -> _Polynomial:
     )
 
 
-def _order(fit: _Polynomial) -> tuple[int, float]:
-    """Fits over most samples first, then those that leave least."""
-    return -fit.samples, fit.squares
-
-
 class Window(NamedTuple):
     """Samples of a run from `first` to before `stop`, what its `start` is, and what that may well
     be `off` by."""
@@ -155,7 +150,8 @@ class Starts:
         best = min(able, key=lambda f: f.rate_error) if able else moving[-1]
         at_rest = self._fits(name, k, _AT_REST) if k == 0 else []
         still = [f for f in at_rest if not f.contradicted(variance)]
-        longest = min([*able, *still], key=_order, default=best)
+        # That over most samples; of these the one that leaves least.
+        longest = min([*able, *still], key=lambda f: (-f.samples, f.squares), default=best)
         if longest in still:
             # That it rests may be wrong, too.
             best = replace(longest, rate_error=best.rate_error)

@@ -145,7 +145,7 @@ def lost_by(
     channel, the larger of the whole and of the last quarter of each window (or run)."""
     square: dict[str, Array] = {}
     for run, model in zip(runs, _replayed(plant, point, runs, window_s), strict=True):
-        late = _late(plant, run, window_s)
+        late = _late(run, window_s)
         for name, y in run.outputs.items():
             e = np.where(run.good, y - model[name], 0.0)
             variance = len(y) * float(np.nanvar(y))
@@ -157,7 +157,7 @@ def lost_by(
     return float(max((r if np.isfinite(r) else np.inf for r in ratios), default=0.0))
 
 
-def _late(plant: ReplayedPlant, run: GapRun, window_s: float) -> Mask:
+def _late(run: GapRun, window_s: float) -> Mask:
     into = run.t_s - run.t_s[0]
     length = window_s or max(run.duration_s, 1e-9)
     late: Mask = np.mod(into, length) >= 0.75 * length

@@ -115,7 +115,6 @@ class Arm(PageRequest, tag="arm", frozen=True, kw_only=True):
     axes: Annotated[tuple[str, ...], Meta(max_length=16)] = ()
 
     async def carry_out(self, client: AsyncClient, control: Control) -> str:
-        """See `carry_out`."""
         if self.keep_control:
             await control.take()
             # A stop of this page that came meanwhile is not known to who asked for this.
@@ -135,7 +134,6 @@ class Clear(PageRequest, tag="clear", frozen=True, kw_only=True):
     fault: int
 
     async def carry_out(self, client: AsyncClient, control: Control) -> str:
-        """See `carry_out`."""
         await self.target(client).clear(self.fault)
         return "the fault is cleared"
 
@@ -147,7 +145,6 @@ class Move(PageRequest, tag="move", frozen=True, kw_only=True):
     queue: bool = False
 
     async def carry_out(self, client: AsyncClient, control: Control) -> str:
-        """See `carry_out`."""
         await self.target(client).move(self.trajectory, queue=self.queue)
         return f"{type(self.trajectory).__name__}: {'queued' if self.queue else 'begun'}"
 
@@ -156,7 +153,6 @@ class GoIdle(PageRequest, tag="idle", frozen=True, kw_only=True):
     """No current and no water, and stay armed."""
 
     async def carry_out(self, client: AsyncClient, control: Control) -> str:
-        """See `carry_out`."""
         await self.target(client).idle()
         return "idle: no current, no water; still armed"
 
@@ -179,7 +175,6 @@ class ChangeGains(PageRequest, tag="tune", frozen=True, kw_only=True):
         return f"{self.axis}: {values}" if self.axis and values else values
 
     async def carry_out(self, client: AsyncClient, control: Control) -> str:
-        """See `carry_out`."""
         await self.target(client).tune(self.tune)
         return "set: " + (self.mark() or "nothing")
 
@@ -194,7 +189,6 @@ class Note(PageRequest, tag="note", frozen=True, kw_only=True):
         return self.text
 
     async def carry_out(self, client: AsyncClient, control: Control) -> str:
-        """See `carry_out`."""
         try:
             await client.note(self.text)
         except Refused as refused:
@@ -210,7 +204,6 @@ class Record(PageRequest, tag="record", frozen=True, kw_only=True):
     name: Annotated[str, Meta(max_length=64)] = ""
 
     async def carry_out(self, client: AsyncClient, control: Control) -> str:
-        """See `carry_out`."""
         return f"recording to {(await client.start_recording(self.name)).path}"
 
 
@@ -218,7 +211,6 @@ class EndRecord(PageRequest, tag="end_record", frozen=True, kw_only=True):
     """Close the run log."""
 
     async def carry_out(self, client: AsyncClient, control: Control) -> str:
-        """See `carry_out`."""
         ended = await client.stop_recording()
         return f"{ended.path}: {counted(ended.rows, 'sample')}"
 

@@ -7,17 +7,16 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from msgspec import Struct
+from msgspec import Raw, Struct
 
 from smad.client import NotReady
 from smad.errors import SmadError
 from smad.style.strips import CHANNELS
 from smad.view import commands, preview, queue, requests
 from smad.view.feed import Feed, View
-from smad.view.forms import Form
 from smad.view.jobs import ON_THE_BENCH, JobError, Jobs, run_path
 from smad.view.reader_client import ReaderClient
-from smad.view.requests import Mark, Preview, Read
+from smad.view.requests import Mark, Read
 from smad.view.source import Axis, Source
 from smad.view.tier import Curve, Frame, Moments
 
@@ -102,14 +101,14 @@ class Queries:
 
     async def _runs(self, ask: commands.Runs) -> tuple[str, Any]:
         request = requests.Runs(folder=str(self._folder()), most=MOST_RUNS)
-        return "", await self._reader.ask(request, list[requests.Row])
+        return "", await self._reader.ask(request, Raw)
 
     async def _results(self, ask: commands.Results) -> tuple[str, Any]:
         request = requests.Results(path=str(run_path(self._folder(), ask.run)), axis=ask.axis)
-        return "", await self._reader.ask(request, list[tuple[str, str]])
+        return "", await self._reader.ask(request, Raw)
 
     async def _experiments(self, ask: commands.Experiments) -> tuple[str, Any]:
-        return "", await self._reader.ask(requests.Experiments(), list[Form])
+        return "", await self._reader.ask(requests.Experiments(), Raw)
 
     async def _preview(self, ask: commands.Preview) -> tuple[str, Any]:
         axis = self._source.axis(ask.axis)
@@ -125,7 +124,7 @@ class Queries:
             limits=config.limits,
             handover_rate_mm_per_s=config.control.handover_rate_mm_per_s,
         )
-        return "", await self._reader.ask(request, list[Preview])
+        return "", await self._reader.ask(request, Raw)
 
     async def _begin(self, ask: commands.Begin) -> tuple[str, Any]:
         axis = self._source.axis(ask.axis)

@@ -23,7 +23,6 @@ class Add(Struct, tag_field="verb", tag="add", frozen=True, kw_only=True):
     repeat: Annotated[int, Meta(ge=1, le=1000)] = 1
 
     def carry_out(self, queue: Queue) -> tuple[str, str]:
-        """See `carry_out`."""
         what = self.what.strip()
         if what.startswith("-"):
             action = "give options on the command line"
@@ -44,7 +43,6 @@ class Remove(Struct, tag_field="verb", tag="remove", frozen=True, kw_only=True):
     item: int
 
     def carry_out(self, queue: Queue) -> tuple[str, str]:
-        """See `carry_out`."""
         queue.remove(self.item)
         return f"item {self.item} removed", ""
 
@@ -55,7 +53,6 @@ class Again(Struct, tag_field="verb", tag="again", frozen=True, kw_only=True):
     item: int
 
     def carry_out(self, queue: Queue) -> tuple[str, str]:
-        """See `carry_out`."""
         return f"queued: item {queue.again(self.item).id}", ""
 
 
@@ -66,7 +63,6 @@ class Place(Struct, tag_field="verb", tag="place", frozen=True, kw_only=True):
     place: int
 
     def carry_out(self, queue: Queue) -> tuple[str, str]:
-        """See `carry_out`."""
         queue.move(self.item, self.place)
         return f"item {self.item} is now number {self.place} of the waiting items", ""
 
@@ -77,7 +73,6 @@ class Pause(Struct, tag_field="verb", tag="pause", frozen=True, kw_only=True):
     now: bool = False
 
     def carry_out(self, queue: Queue) -> tuple[str, str]:
-        """See `carry_out`."""
         queue.pause(now=self.now)
         return "paused", ""
 
@@ -89,7 +84,6 @@ class Propose(Struct, tag_field="verb", tag="propose", frozen=True, kw_only=True
     energy_kJ: Annotated[float, Meta(gt=0.0, le=1e9)] | None = None
 
     def carry_out(self, queue: Queue) -> tuple[str, str]:
-        """See `carry_out`."""
         energy_J = None if self.energy_kJ is None else self.energy_kJ * 1e3
         budget = Budget(hours=self.hours, energy_J=energy_J)
         proposal = queue.propose(time.time() + self.hours * 3600.0, budget)
@@ -105,7 +99,6 @@ class Confirm(Struct, tag_field="verb", tag="confirm", frozen=True, kw_only=True
     code: Annotated[str, Meta(max_length=16)]
 
     def carry_out(self, queue: Queue) -> tuple[str, str]:
-        """See `carry_out`."""
         queue.confirm(self.code)
         return "the queue runs", ""
 

@@ -78,16 +78,6 @@ class Read(Struct, frozen=True, kw_only=True):
     last_s: float
 
 
-class Row(Struct, frozen=True):
-    """A run in the list. A duration that is not known yet is None."""
-
-    name: str
-    title: str
-    duration_s: float | None
-    rows: int | None
-    problem: str
-
-
 class Preview(Struct, frozen=True, kw_only=True):
     """The reference over time as a command or a run will ask for it, and what to say of it.
 

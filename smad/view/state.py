@@ -5,7 +5,6 @@ as they are; the page puts them in as text, never as markup.
 """
 
 from collections.abc import Collection, Iterator, Mapping
-from pathlib import PurePath
 
 import msgspec
 from msgspec import Struct
@@ -97,7 +96,6 @@ class Tile(Struct, frozen=True, kw_only=True):
 class BenchState(Struct, frozen=True, kw_only=True):
     """The status as the page shows it."""
 
-    bench: str
     mode: str
     armed: bool
     running: str
@@ -107,17 +105,11 @@ class BenchState(Struct, frozen=True, kw_only=True):
     generation: int
     holder: str
     lease_left_s: float
-    recording: bool
-    log: str
-    rows: int
-    recorder_error: str
-    last_minute: str
-    """What was written of it last, within the folder of run logs."""
+    recorder: api.RecorderStatus
     link: str
     rate_hz: int
     setpoint_age_p99_ms: float | None
-    setpoints_refused: int
-    missed: int
+    counts: api.Counts
     events: tuple[api.Entry, ...]
     conditions: tuple[Condition, ...]
     gains: Mapping[str, float | bool | str]
@@ -132,9 +124,8 @@ def bench_state(
     status: api.Status, params: Mapping[str, float], off_current_mA: float
 ) -> BenchState:
     """Return what the page shows of `status`. `params` are the board's parameters by name."""
-    motion, recorder, age = status.motion, status.recorder, status.timing.setpoint_age
+    motion, age = status.motion, status.timing.setpoint_age
     return BenchState(
-        bench=status.bench,
         mode=motion.mode,
         armed=motion.armed,
         running=running_words(motion),
@@ -144,16 +135,11 @@ def bench_state(
         generation=motion.generation,
         holder=status.control.holder,
         lease_left_s=status.control.left_s,
-        recording=recorder.recording,
-        log=PurePath(recorder.path).name,
-        rows=recorder.rows,
-        recorder_error=recorder.error,
-        last_minute="/".join(PurePath(recorder.last).parts[-2:]),
+        recorder=status.recorder,
         link=LINK_MEANS.get(status.link.state, status.link.state),
         rate_hz=status.link.rate_hz,
         setpoint_age_p99_ms=round(age.p99_us / 1e3, 2) if age.count else None,
-        setpoints_refused=status.counts.setpoints_refused,
-        missed=status.counts.missed,
+        counts=status.counts,
         events=status.events[-EVENTS:],
         conditions=tuple(conditions(status, params, off_current_mA)),
         gains={k: v for k, v in msgspec.structs.asdict(status.gains).items() if v is not None},

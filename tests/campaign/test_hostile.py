@@ -12,7 +12,7 @@ from campaign.command import execute
 from campaign.hostile import attacks
 from campaign.hostile.attacks import ATTACKS, Result, json_of, run_attacks, table_of
 from campaign.hostile.rig import Scale
-from smad.report.tables import text_table
+from smad.view.terminal.tables import in_full
 
 STOOD = Result(
     name="stranger's key",
@@ -65,7 +65,8 @@ def test_an_attack_does_not_wait_on_a_line_that_was_refused() -> None:
 def test_each_kind_of_harm_is_named(harmed: Result, says: str) -> None:
     assert STOOD.failures == []
     assert harmed.failures == [says]
-    assert says in text_table(table_of([harmed]))
+    table = table_of([harmed])
+    assert says in in_full(table.header, table.rows, table.numeric)
     assert says in json_of([harmed])
 
 

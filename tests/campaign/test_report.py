@@ -17,7 +17,7 @@ from campaign.faults.report import (
     verdict,
 )
 from smad.report.page import render
-from smad.report.tables import text_table
+from smad.view.terminal.tables import in_full
 
 from .test_oracle import STOPPED, WENT_ON
 
@@ -40,7 +40,8 @@ def test_what_never_stopped_has_no_time_to_safe() -> None:
     (row,) = by_fault(run_of(WENT_ON).results)
     assert row.stopped == 0
     assert math.isnan(row.safe_p50_s)
-    assert "–" in text_table(table_of([row]))
+    table = table_of([row])
+    assert "–" in in_full(table.header, table.rows, table.numeric)
 
 
 def test_pairs_share_a_row_and_groups_end_with_all() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from evaluation.command import main
 from evaluation.errors import KeyMismatchError
-from evaluation.results.page import rendered
+from evaluation.results.page import markdown_table, rendered
 from evaluation.results.record import FOLDER, kept
 from evaluation.score.answers import digest, read_pairs
 from evaluation.score.goals import Row
@@ -24,6 +24,7 @@ from evaluation.score.scores import (
     tables,
 )
 from evaluation.score.scoring import run
+from smad.report.page import Table
 
 OPENED = "7190a021eeda81c23647ee7713a967cf1d690b3a2d3908e28a25a6caccf8d6d1"
 LINES = 25
@@ -314,3 +315,8 @@ def test_names_said_at_even_odds_are_right_where_as_many_effects_are_listed_as_n
     listed, unlisted = [(0.5, True)] * 4, [(0.5, False)]
     assert calibration([*listed, *unlisted]) == pytest.approx(0.3)
     assert calibration_of_equals([listed, unlisted]) == pytest.approx(0.0)
+
+
+def test_a_table_in_a_document_aligns_its_numbers_to_the_right() -> None:
+    table = Table(("name", "value"), (("a", "1.0"),), numeric=frozenset({1}))
+    assert markdown_table(table).splitlines() == ["| name | value |", "|---|---:|", "| a | 1.0 |"]

@@ -17,8 +17,8 @@ from smad.control.commands import Step
 from smad.control.metrics import tracking_r2
 from smad.demo import figures
 from smad.demo.job import run_cycle
-from smad.report.tables import text_table
 from smad.runlog.reader import read_run
+from smad.view.terminal.tables import print_table
 from tests.hil.conftest import EVERY_DEVICE, LEASE_S, PATIENCE_S, Hil, arm
 
 
@@ -35,7 +35,7 @@ def test_the_demos_cycle_is_followed_recorded_and_ended(hil: Hil) -> None:
     assert daemon.end() == 0
     run = read_run(Path(done.path))
     rows = figures.table(run, done.status, done.status)
-    print(text_table(figures.beside({hil.kind: rows})))
+    print_table(figures.beside({hil.kind: rows}))
     assert not run.cut_short
     assert done.status.counts.setpoints_dropped == 0
     # A board that is not armed does not wait for its host, which a busy machine may hold up.

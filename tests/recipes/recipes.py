@@ -631,7 +631,7 @@ EXPERIMENT = Recipe(
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
@@ -652,10 +652,10 @@ class RestOptions(Options, frozen=True, kw_only=True):
 class Rest(Experiment[RestOptions]):
     """Nothing, for a while."""
 
-    name: ClassVar[str] = "standing"
-    title: ClassVar[str] = "The springs at rest"
-    needs: ClassVar[frozenset[str]] = frozenset({"rtd_x_degC"})
-    options_type: ClassVar[type[Options]] = RestOptions
+    name = "standing"
+    title = "The springs at rest"
+    needs = frozenset({"rtd_x_degC"})
+    options_type = RestOptions
 
     def conduct(self, trial: str, driver: Driver) -> Recording:
         plan = Plan(self.name, (Mark("begin"), Pause(self.options.seconds_s), Mark("end")))

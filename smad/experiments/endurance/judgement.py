@@ -27,7 +27,6 @@ class _Cause(Struct, frozen=True):
 
 
 class _Verdict(Struct, frozen=True):
-    outcome: str
     headline: str
     causes: list[_Cause] = []
 

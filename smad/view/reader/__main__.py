@@ -48,16 +48,13 @@ def past(ask: requests.Past) -> requests.Read:
     return read
 
 
-def runs(ask: requests.Runs) -> list[requests.Row]:
+def runs(ask: requests.Runs) -> list[Any]:
     """List the newest runs, the newest first."""
     from smad.runlog.overview import list_runs
 
     if not Path(ask.folder).is_dir():
         return []
-    return [
-        requests.Row(Path(run.path).name, run.name, run.duration_s, run.rows, run.problem)
-        for run in reversed(list_runs(ask.folder, newest=ask.most))
-    ]
+    return list_runs(ask.folder, newest=ask.most)[::-1]
 
 
 def results(ask: requests.Results) -> list[tuple[str, str]]:

@@ -50,9 +50,10 @@ export class Runs {
     const reply = await this.ask({ do: "runs" });
     if (!reply.done) return setText($("runs-none"), reply.text);
     setText($("runs-none"), reply.found.length ? "" : "No run has been recorded yet.");
-    const names = new Set(reply.found.map((run) => run.name));
+    const runs = reply.found.map((run) => ({ ...run, name: run.path.split("/").pop() }));
+    const names = new Set(runs.map((run) => run.name));
     this.ticked = new Set([...this.ticked].filter((name) => names.has(name)));
-    $("runs-list").replaceChildren(...reply.found.flatMap((run) => this.row(run)));
+    $("runs-list").replaceChildren(...runs.flatMap((run) => this.row(run)));
     this.tick();
   }
 

@@ -99,16 +99,22 @@ function take(message) {
   if (status) show(status, message.armed);
 }
 
+// The last names of a path.
+function ending(path, names) {
+  return path.split("/").slice(-names).join("/");
+}
+
 function show(now, anyArmed) {
   document.body.dataset.generation = now.generation;
   mode(now.mode);
   setText($("running"), now.running + (now.limiter ? `, current limited by ${now.limiter}` : ""));
   setText($("holder"), now.holder ? `${now.holder}, ${now.lease_left_s.toFixed(0)} s left` : "anybody");
-  setText($("recording"), now.recorder_error
-    || (now.recording ? `${now.log}, ${now.rows} samples` : "no"));
-  setText($("last-minute"), now.last_minute || "in memory, not saved");
-  const age = now.setpoint_age_p99_ms == null ? "" : `, setpoint age ${now.setpoint_age_p99_ms} ms (p99), ${now.setpoints_refused} too old`;
-  setText($("link"), `${now.link}, ${now.rate_hz} Hz, ${now.missed} missed${age}`);
+  const recorder = now.recorder;
+  setText($("recording"), recorder.error
+    || (recorder.recording ? `${ending(recorder.path, 1)}, ${recorder.rows} samples` : "no"));
+  setText($("last-minute"), ending(recorder.last, 2) || "in memory, not saved");
+  const age = now.setpoint_age_p99_ms == null ? "" : `, setpoint age ${now.setpoint_age_p99_ms} ms (p99), ${now.counts.setpoints_refused} too old`;
+  setText($("link"), `${now.link}, ${now.rate_hz} Hz, ${now.counts.missed} missed${age}`);
   $("trouble").hidden = !now.trouble;
   if (now.trouble) {
     setText($("trouble-what"), now.trouble.what);
@@ -145,8 +151,8 @@ function offer(now, anyArmed) {
   $("idle").disabled = !now.armed;
   movable(now.armed);
   showGains(now.gains);
-  setText($("record-go"), now.recording ? "Stop recording" : "Record");
-  $("record-name").hidden = now.recording;
+  setText($("record-go"), now.recorder.recording ? "Stop recording" : "Record");
+  $("record-name").hidden = now.recorder.recording;
   const shown = now.conditions.map(lineOf);
   if (shown.some((line, k) => line !== $("conditions").children[k]) || shown.length !== $("conditions").children.length) {
     $("conditions").replaceChildren(...shown);
@@ -254,7 +260,7 @@ document.addEventListener("keydown", (event) => {
 });
 submitted("tune", () => {});
 submitted("record", () =>
-  ask(status?.recording ? { do: "end_record" } : { do: "record", name: $("record-name").value }));
+  ask(status?.recorder.recording ? { do: "end_record" } : { do: "record", name: $("record-name").value }));
 submitted("note", async () => {
   const text = $("note-text").value;
   if (!(await ask({ do: "note", text }))) return;

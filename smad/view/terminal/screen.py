@@ -81,9 +81,13 @@ def screen(
     pinned = [Line(f"NOT LIVE: {away}", "bad")] if away else []
     pinned += () if now is None else _pinned(now, columns)
     foot = [Line(said), Line(KEYS, "title")]
-    middle = [] if now is None else [*_measured(now, history, columns), *_facts(now)]
     room = rows - len(pinned) - len(foot)
+    middle: list[Line] = []
     if now is not None:
+        measured: Iterator[Line] = _readings(now, history, columns)
+        if now.axes:
+            measured = map(Line, axis_lines(now.axes, now.skew or Percentiles()))
+        middle = [*measured, *_facts(now)]
         middle += _events(now, room - len(middle))
     middle = middle[:room]
     middle += [Line("")] * (room - len(middle))
@@ -107,12 +111,6 @@ def _pinned(now: Status, columns: int) -> Iterator[Line]:
     limiter = limiter_of(now)
     yield Line(running_words(motion) + (f"; limited by {limiter}" if limiter else ""))
     yield Line("")
-
-
-def _measured(now: Status, history: History, columns: int) -> Iterator[Line]:
-    if now.axes:
-        return map(Line, axis_lines(now.axes, now.skew or Percentiles()))
-    return _readings(now, history, columns)
 
 
 def _readings(now: Status, history: History, columns: int) -> Iterator[Line]:

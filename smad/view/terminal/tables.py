@@ -6,6 +6,7 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Collection, Mapping, Sequence
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 import click
@@ -31,14 +32,14 @@ def print_columns(
     if sys.stdout.isatty():
         width = shutil.get_terminal_size().columns
         click.echo(fitted(header, rows, numeric, width), nl=False)
-        return
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
-    for row in (header, *rows):
-        cells = [
-            cell.rjust(width) if k in numeric else cell.ljust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        click.echo("  ".join(cells).rstrip())
+    else:
+        click.echo(in_full(header, rows, numeric), nl=False)
+
+
+def in_full(header: Sequence[str], rows: Sequence[Sequence[str]], numeric: Collection[int]) -> str:
+    """Return the table in lines as long as its cells ask for."""
+    widths = {k: max(map(len, column)) for k, column in enumerate(zip(header, *rows, strict=True))}
+    return "".join(f"{_line(row, widths, numeric)}\n" for row in (header, *rows))
 
 
 def fitted(
@@ -74,15 +75,18 @@ def fitted(
 def _folded(row: Sequence[str], widths: Mapping[int, int], numeric: Collection[int]) -> list[str]:
     """Return the lines of one row, each cell folded to the width of its column."""
     cells = {k: textwrap.wrap(row[k], width) or [""] for k, width in widths.items()}
-    lines = []
-    for n in range(max(map(len, cells.values()))):
-        parts = [
-            part.rjust(width) if k in numeric else part.ljust(width)
-            for k, width in widths.items()
-            for part in [cells[k][n] if n < len(cells[k]) else ""]
-        ]
-        lines.append((" " * _GAP).join(parts).rstrip())
-    return lines
+    lines = zip_longest(*cells.values(), fillvalue="")
+    return [_line(dict(zip(cells, line, strict=True)), widths, numeric) for line in lines]
+
+
+def _line(
+    cells: Mapping[int, str] | Sequence[str], widths: Mapping[int, int], numeric: Collection[int]
+) -> str:
+    parts = [
+        cells[k].rjust(width) if k in numeric else cells[k].ljust(width)
+        for k, width in widths.items()
+    ]
+    return (" " * _GAP).join(parts).rstrip()
 
 
 def _longest_word(cells: Sequence[str]) -> int:

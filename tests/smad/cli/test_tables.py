@@ -48,6 +48,15 @@ def test_off_a_terminal_a_table_is_plain_columns(capsys: pytest.CaptureFixture[s
     assert out.isascii()
 
 
+def test_plain_columns_line_up_and_numbers_stand_at_the_right() -> None:
+    shown = tables.in_full(("name", "value"), [("a", "1.0"), ("long name", "12.5")], {1})
+    assert shown.splitlines() == [
+        "name       value",
+        "a            1.0",
+        "long name   12.5",
+    ]
+
+
 def test_on_a_terminal_the_table_takes_its_width(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -27,7 +27,6 @@ from smad.report.page import (
 from smad.report.panels import Panel, Panels, Trace
 from smad.report.plots import decimated, draw, label, new_figure, picture, svg_of
 from smad.report.printed import write_figure
-from smad.report.tables import markdown_table, text_table
 from smad.style.palette import in_print
 
 TABLE = Table(("name", "value"), (("a", "1.0"), ("long name", "12.5")), numeric=frozenset({1}))
@@ -102,16 +101,6 @@ def test_a_page_that_cannot_be_written_names_its_path(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(SmadError, match=r"file/page\.html"):
         write_page(Page("t", []), tmp_path / "file" / "page.html")
-
-
-def test_tables_for_a_terminal_and_a_document_line_up() -> None:
-    assert text_table(TABLE).splitlines() == [
-        "name       value",
-        "---------  -----",
-        "a            1.0",
-        "long name   12.5",
-    ]
-    assert markdown_table(TABLE).splitlines()[1] == "|---|---:|"
 
 
 @settings(deadline=None, derandomize=True, max_examples=60)
