@@ -126,6 +126,8 @@ def _rtd(mode: str) -> Action:
         rtd.mode = mode
         rtd.value = p.get("value", 0.0)
         rtd.every = int(p.get("every", 1))
+        rtd.swing_K = p.get("swing", 0.0)
+        rtd.period_s = p.get("period", 2.0)
         _touch(bench)
 
     return begin
@@ -277,8 +279,10 @@ _ROWS: tuple[FaultKind, ...] = (
               _rtd_ok, _X, (Fault.SENSOR_INVALID,), 2.0),
     FaultKind("sensor_stuck", "sensor", "an RTD's converter hangs", _rtd("stuck"), _rtd_ok,
               _X, (Fault.SENSOR_STUCK, Fault.NOT_HEATING), 80.0),
-    FaultKind("sensor_detached", "sensor", "an RTD comes off; value is its new lag in s",
-              _rtd("detached"), _rtd_ok, {**_X, "value": 12.0}, _HOT_OR_NOT, 60.0),
+    FaultKind("sensor_detached", "sensor",
+              "an RTD comes off: lag value s, and the reading swings by so many K in period s",
+              _rtd("detached"), _rtd_ok, {**_X, "value": 12.0, "swing": 0.0, "period": 2.0},
+              _HOT_OR_NOT, 60.0),
     FaultKind("sensors_swapped", "sensor", "the springs' RTDs change places",
               _part(rtds_swapped=True), _part(rtds_swapped=False), {},
               (Fault.SENSORS_SWAPPED, Fault.SENSOR_IMPLAUSIBLE, *_HOT_OR_NOT), 60.0),

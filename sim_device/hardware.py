@@ -51,13 +51,17 @@ class Pump:
 class Rtd:
     """An RTD with its converter.
 
-    `mode`: ok, open, short, invalid, stuck, detached (lag `value` s), offset (by `value` K), or
-    spikes (`value` K, every `every`-th sample).
+    `mode`: ok, open, short, invalid, stuck, detached (lag `value` s, and a sinusoid of `swing_K`
+    from end to end and `period_s`), offset (by `value` K), or spikes (`value` K, every `every`-th
+    sample).
     """
 
     mode: str = "ok"
     value: float = 0.0
     every: int = 40
+    swing_K: float = 0.0
+    period_s: float = 2.0
+    phase: float = 0.0
     held_degC: float = math.nan
     count: int = 0
     noise: random.Random = field(default_factory=lambda: random.Random(0))
@@ -232,8 +236,10 @@ def _convert(rtd: Rtd, shown_degC: float, dt_s: float) -> int:
         return RTD_INVALID_cC
     if rtd.mode == "detached":
         rtd.held_degC += (shown_degC - rtd.held_degC) * min(1.0, dt_s / rtd.value)
+        rtd.phase += 2.0 * math.pi * dt_s / max(rtd.period_s, 1e-3)
+        swing_K = 0.5 * rtd.swing_K * math.sin(rtd.phase)
         # The lag smooths what the plant shows, but not the converter's own noise.
-        return _rtd_cC(rtd.held_degC + rtd.noise.gauss(0.0, CONVERTER_NOISE_K))
+        return _rtd_cC(rtd.held_degC + swing_K + rtd.noise.gauss(0.0, CONVERTER_NOISE_K))
     reading = rtd.held_degC
     if rtd.mode == "offset":
         reading += rtd.value

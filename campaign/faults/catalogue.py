@@ -152,6 +152,12 @@ _ROWS: tuple[Row, ...] = (
         scenes=_HEATS_HARD, onset_s=(0.0, 5.0), tightened=True),
     _of("sensor_detached", Then.STOPS, {**_X, "value": between(9.0, 20.0)}, must=frozenset(),
         observe_s=25.0, alias="detached_late"),
+    # Slower than the host calls broken, which would stop it first.
+    _of("sensor_detached", Then.STOPS,
+        {**_X, "value": between(9.0, 20.0), "swing": between(1.0, 10.0),
+         "period": decades(1.0, 10.0)},
+        observe_s=40.0, scenes=_HEATS_HARD, onset_s=(0.0, 5.0), tightened=True,
+        alias="detached_swings"),
     # Plugs change places between two runs. Later, the jump makes the host end the motion.
     _of("sensors_swapped", Then.STOPS, must=_HEATS_HARD, observe_s=25.0, onset_s=(0.0, 0.3)),
     _of("sensors_swapped", Then.STOPS, observe_s=25.0, alias="swapped_late"),

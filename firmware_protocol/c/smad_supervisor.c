@@ -227,7 +227,7 @@ static uint8_t smad_sv_is_believed(const struct smad_sv_measurements *m, const s
 static void smad_sv_observe_jumps(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim);
 static void smad_sv_observe_spring(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
 static void smad_sv_observe_electrical(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
-static void smad_sv_observe_energy(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k, uint16_t loss_mW_per_K);
+static void smad_sv_observe_energy(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k, uint16_t loss_mW_per_K, int16_t steady_cC);
 static void smad_sv_observe_stuck(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k);
 static uint8_t smad_sv_is_heated(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
 static void smad_sv_observe_off(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
@@ -674,12 +674,12 @@ static void smad_sv_observe_jumps(struct smad_sv_memory *s, const struct smad_sv
 
 static void smad_sv_observe_spring(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k)
 {
-    int16_t t_cC;
+    int16_t before_cC;
     int16_t flow;
     int16_t loss_mW_per_K;
-    t_cC = m->rtd_cC[k];
+    before_cC = s->t_cC[k];
     if (smad_sv_is_believed(m, lim, k)) {
-        s->t_cC[k] = t_cC;
+        s->t_cC[k] = m->rtd_cC[k];
         s->sensor_ok[k] = 1;
     } else {
         s->sensor_ok[k] = 0;
@@ -687,7 +687,7 @@ static void smad_sv_observe_spring(struct smad_sv_memory *s, const struct smad_s
     smad_sv_observe_electrical(s, m, lim, k);
     flow = smad_sv_max16((int16_t)m->duty[k], (int16_t)smad_sv_min32((int32_t)(((int64_t)m->pump_rpm[k] * (int64_t)s->rpm_share) >> (int64_t)16), (int32_t)SMAD_SV_DUTY_FULL));
     loss_mW_per_K = (SMAD_SV_LIMIT_LOSS_STATIC_MW_PER_K + (int16_t)smad_sv_of_duty(SMAD_SV_LIMIT_LOSS_FLOW_MW_PER_K, flow));
-    smad_sv_observe_energy(s, lim, k, smad_sv_hold16(loss_mW_per_K, 0, 1020));
+    smad_sv_observe_energy(s, lim, k, smad_sv_hold16(loss_mW_per_K, 0, 1020), smad_sv_min16(before_cC, s->t_cC[k]));
     smad_sv_observe_stuck(s, lim, k);
     smad_sv_observe_off(s, m, lim, k);
     smad_sv_observe_envelope(s, lim, k, smad_sv_hold16(loss_mW_per_K, 0, 1020));
@@ -712,37 +712,32 @@ static void smad_sv_observe_electrical(struct smad_sv_memory *s, const struct sm
     s->band_high_uA[k] = smad_sv_max32(high_uA, applied_uA);
 }
 
-static void smad_sv_observe_energy(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k, uint16_t loss_mW_per_K)
+static void smad_sv_observe_energy(struct smad_sv_memory *s, const struct smad_sv_limits *lim, uint8_t k, uint16_t loss_mW_per_K, int16_t steady_cC)
 {
-    int16_t t_cC;
     int16_t other;
-    int16_t fell;
     int32_t excess_cC;
     int32_t net_mW;
     int64_t net_nJ;
+    int32_t least_nJ;
     (void)lim;
-    t_cC = s->t_cC[k];
     other = (1 - (int16_t)k);
-    s->anchor_peak_cC[k] = smad_sv_max16(s->anchor_peak_cC[k], t_cC);
-    fell = ((int32_t)2 * ((int32_t)s->anchor_peak_cC[k] - (int32_t)t_cC)) >= (int32_t)SMAD_SV_LIMIT_UNHEATED_RISE_CC;
-    if (((int32_t)t_cC >= ((int32_t)s->anchor_cC[k] + (int32_t)SMAD_SV_LIMIT_UNHEATED_RISE_CC)) || (fell)) {
-        s->anchor_cC[k] = t_cC;
-        s->anchor_peak_cC[k] = t_cC;
-        s->anchor_net_nJ[k] = 0;
+    if ((int32_t)steady_cC >= ((int32_t)s->anchor_cC[k] + (int32_t)SMAD_SV_LIMIT_UNHEATED_RISE_CC)) {
+        s->anchor_cC[k] = steady_cC;
+        s->anchor_net_nJ[k] = smad_sv_min64(s->anchor_net_nJ[k], (int64_t)0);
         s->anchor_other_cC[k] = s->t_cC[other];
         s->anchor_other_nJ[k] = 0;
-    } else if (t_cC < s->anchor_cC[k]) {
-        s->anchor_cC[k] = t_cC;
     }
-    excess_cC = ((int32_t)t_cC - (int32_t)s->coldest_cC);
+    excess_cC = ((int32_t)s->t_cC[k] - (int32_t)s->coldest_cC);
     excess_cC = smad_sv_max32(excess_cC, (int32_t)0);
     net_mW = ((int32_t)s->power_mW[k] - smad_sv_loss_mW(loss_mW_per_K, (excess_cC + (int32_t)SMAD_SV_LIMIT_SENSOR_OFFSET_CC)));
     net_nJ = (s->anchor_net_nJ[k] + ((int64_t)net_mW * (int64_t)s->dt_us));
-    if (net_nJ < (int64_t)0) {
+    least_nJ = ((int32_t)-(SMAD_SV_LIMIT_UNHEATED_DEBT_MJ) * SMAD_SV_NJ_PER_MJ);
+    if (net_nJ < (int64_t)least_nJ) {
+        s->anchor_cC[k] = steady_cC;
         s->anchor_other_cC[k] = s->t_cC[other];
         s->anchor_other_nJ[k] = 0;
     }
-    s->anchor_net_nJ[k] = smad_sv_min64(smad_sv_max64(net_nJ, (int64_t)0), SMAD_SV_SUM_MOST);
+    s->anchor_net_nJ[k] = smad_sv_min64(smad_sv_max64(net_nJ, (int64_t)least_nJ), SMAD_SV_SUM_MOST);
     s->anchor_other_nJ[k] = smad_sv_min64((s->anchor_other_nJ[k] + ((int64_t)s->power_mW[other] * (int64_t)s->dt_us)), SMAD_SV_SUM_MOST);
 }
 
@@ -857,7 +852,6 @@ static void smad_sv_reset_spring(struct smad_sv_memory *s, uint8_t k)
     int16_t t_cC;
     t_cC = s->t_cC[k];
     s->anchor_cC[k] = t_cC;
-    s->anchor_peak_cC[k] = t_cC;
     s->anchor_other_cC[k] = s->t_cC[(1 - (int16_t)k)];
     s->anchor_net_nJ[k] = 0;
     s->anchor_other_nJ[k] = 0;

@@ -46,6 +46,7 @@ enum smad_sv_pumppolicy {
 #define SMAD_SV_LIMIT_RAIL_LOW_CC (-4000) /* cC */
 #define SMAD_SV_LIMIT_JUMP_DECAY_US 2000000 /* us */
 #define SMAD_SV_LIMIT_STUCK_MODEL_CC 300 /* cC */
+#define SMAD_SV_LIMIT_UNHEATED_DEBT_MJ 2000 /* mJ */
 #define SMAD_SV_LIMIT_UNHEATED_RISE_CC 200 /* cC */
 #define SMAD_SV_LIMIT_SWAPPED_RISE_CC 400 /* cC */
 #define SMAD_SV_LIMIT_SENSOR_OFFSET_CC 200 /* cC */
@@ -193,7 +194,6 @@ struct smad_sv_memory {
     int16_t warmest_cC;
     int16_t t_cC[2];
     int16_t anchor_cC[2];
-    int16_t anchor_peak_cC[2];
     int16_t anchor_other_cC[2];
     int16_t stuck_cC[2];
     int16_t cool_from_cC[2];

@@ -86,6 +86,7 @@ class Limits:
     unheated_energy_mJ: Annotated[
         int, Row(20_000, 5_000, "mJ", "slow sinusoids on set A need up to 13900", 36)
     ]
+    unheated_debt_mJ: Annotated[int, Row(2_000, 2_000, "mJ", "a pause of half a second")]
     unheated_rise_cC: Annotated[int, Row(200, 200, "cC", "ten times the noise")]
     swapped_rise_cC: Annotated[int, Row(400, 400, "cC", "the other sensor warms without current")]
     sensor_offset_cC: Annotated[int, Row(200, 200, "cC", "two good RTDs may differ by this")]

@@ -137,7 +137,6 @@ class Memory:
     band_low_uA: list[int] = field(default_factory=_pair)
     band_high_uA: list[int] = field(default_factory=_pair)
     anchor_cC: list[int] = field(default_factory=_pair)
-    anchor_peak_cC: list[int] = field(default_factory=_pair)
     anchor_other_cC: list[int] = field(default_factory=_pair)
     anchor_net_nJ: list[int] = field(default_factory=_pair)
     anchor_other_nJ: list[int] = field(default_factory=_pair)

@@ -107,9 +107,9 @@ def observe_jumps(s: Memory, m: Measurements, lim: Limits) -> None:
 
 def observe_spring(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
     """Advance what is known of spring k by one sample."""
-    t_cC = m.rtd_cC[k]
+    before_cC = s.t_cC[k]
     if is_believed(m, lim, k):
-        s.t_cC[k] = t_cC
+        s.t_cC[k] = m.rtd_cC[k]
         s.sensor_ok[k] = 1
     else:
         s.sensor_ok[k] = 0
@@ -117,7 +117,7 @@ def observe_spring(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
     # A pump that runs on its own carries heat away like one that is told to.
     flow = max(m.duty[k], min(m.pump_rpm[k] * s.rpm_share >> 16, DUTY_FULL))
     loss_mW_per_K = lim.loss_static_mW_per_K + of_duty(lim.loss_flow_mW_per_K, flow)
-    observe_energy(s, lim, k, loss_mW_per_K)
+    observe_energy(s, lim, k, loss_mW_per_K, min(before_cC, s.t_cC[k]))
     observe_stuck(s, lim, k)
     observe_off(s, m, lim, k)
     observe_envelope(s, lim, k, loss_mW_per_K)
@@ -141,33 +141,34 @@ def observe_electrical(s: Memory, m: Measurements, lim: Limits, k: int) -> None:
     s.band_high_uA[k] = max(high_uA, applied_uA)
 
 
-def observe_energy(s: Memory, lim: Limits, k: int, loss_mW_per_K: int) -> None:
+def observe_energy(s: Memory, lim: Limits, k: int, loss_mW_per_K: int, steady_cC: int) -> None:
     """Sum the energy a spring got since it last warmed by the least rise, losses taken off.
 
-    A fall by half of that shows the spring as well as a rise does, and begins a new sum.
-    The losses are the largest a good bench has, a sensor offset is granted, and the sum never
-    goes below zero: so a spring in balance, with the pump on or off, sums to nothing.
+    The losses are the largest a good bench has, and a sensor offset is granted: a positive sum can
+    only have warmed the spring, so a good one is not colder than where the sum began, the anchor.
+    Only a rise above the anchor begins a new sum, and the anchor follows a fall only when the sum
+    has run out, for only then has heat left. So a reading that swings gets each rise once. A good
+    spring that cools runs the sum out first; one in balance, pump on or off, sums to nothing.
+
+    steady_cC: the lower of the last two readings, so that a spike is no rise. The sum may fall
+    below zero by the debt, so that in a short pause of the current the anchor follows no swing.
     """
-    t_cC = s.t_cC[k]
     other = 1 - k
-    s.anchor_peak_cC[k] = max(s.anchor_peak_cC[k], t_cC)
-    fell = 2 * (s.anchor_peak_cC[k] - t_cC) >= lim.unheated_rise_cC
-    if t_cC >= s.anchor_cC[k] + lim.unheated_rise_cC or fell:
-        s.anchor_cC[k] = t_cC
-        s.anchor_peak_cC[k] = t_cC
-        s.anchor_net_nJ[k] = 0
+    if steady_cC >= s.anchor_cC[k] + lim.unheated_rise_cC:
+        s.anchor_cC[k] = steady_cC
+        s.anchor_net_nJ[k] = min(s.anchor_net_nJ[k], 0)
         s.anchor_other_cC[k] = s.t_cC[other]
         s.anchor_other_nJ[k] = 0
-    elif t_cC < s.anchor_cC[k]:
-        s.anchor_cC[k] = t_cC
-    excess_cC = t_cC - s.coldest_cC
+    excess_cC = s.t_cC[k] - s.coldest_cC
     excess_cC = max(excess_cC, 0)
     net_mW = s.power_mW[k] - loss_mW(loss_mW_per_K, excess_cC + lim.sensor_offset_cC)
     net_nJ = s.anchor_net_nJ[k] + net_mW * s.dt_us
-    if net_nJ < 0:
+    least_nJ = -lim.unheated_debt_mJ * NJ_PER_MJ
+    if net_nJ < least_nJ:
+        s.anchor_cC[k] = steady_cC
         s.anchor_other_cC[k] = s.t_cC[other]
         s.anchor_other_nJ[k] = 0
-    s.anchor_net_nJ[k] = min(max(net_nJ, 0), SUM_MOST)
+    s.anchor_net_nJ[k] = min(max(net_nJ, least_nJ), SUM_MOST)
     s.anchor_other_nJ[k] = min(s.anchor_other_nJ[k] + s.power_mW[other] * s.dt_us, SUM_MOST)
 
 
@@ -270,7 +271,6 @@ def reset_spring(s: Memory, k: int) -> None:
     """Begin the observers of spring k at its present temperature, as on arming."""
     t_cC = s.t_cC[k]
     s.anchor_cC[k] = t_cC
-    s.anchor_peak_cC[k] = t_cC
     s.anchor_other_cC[k] = s.t_cC[1 - k]
     s.anchor_net_nJ[k] = 0
     s.anchor_other_nJ[k] = 0

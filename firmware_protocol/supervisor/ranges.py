@@ -88,8 +88,8 @@ MEMORY: dict[str, Range] = {
     "coldest_cC": I16, "warmest_cC": I16, "sensor_ok": FLAG, "t_cC": I16,
     "power_mW": Range(0, POWER_MOST_mW), "i_uA": UA, "v_uV": UV,
     "band_low_uA": BAND, "band_high_uA": BAND,
-    "anchor_cC": I16, "anchor_peak_cC": I16, "anchor_other_cC": I16,
-    "anchor_net_nJ": SUM, "anchor_other_nJ": SUM,
+    "anchor_cC": I16, "anchor_other_cC": I16,
+    "anchor_net_nJ": Range(-SUM_MOST, SUM_MOST), "anchor_other_nJ": SUM,
     "stuck_cC": I16, "stuck_us": TIMER, "stuck_low_fcC": FCC, "off_us": TIMER, "off_fcC": FCC,
     "low_fcC": FCC, "low_seen_fcC": FCC, "high_fcC": FCC, "i2t_mA2us": SUM,
     "cool_us": TIMER, "cool_from_cC": I16, "reference_mohm": OHMS, "reference_cC": I16,
@@ -112,7 +112,7 @@ RECORDS: dict[str, dict[str, Range]] = {
 ARGUMENTS: dict[str, Range] = {
     "k": CHANNEL, "now_us": TIME, "trigger": Range(0, 9), "fault": Range(1, max(Fault)),
     "channel": CHANNEL, "code": Range(0, 63), "value": I32, "limit": I32, "link": Range(0, 15),
-    "loss_mW_per_K": Range(0, 1020), "full": Range(0, 6000), "duty": U8,
+    "loss_mW_per_K": Range(0, 1020), "steady_cC": I16, "full": Range(0, 6000), "duty": U8,
     "above_cC": Range(-65_735, 65_735), "i_mA": I16, "v_mV": Range(-65_535, 65_535),
 }  # fmt: skip
 """Of the arguments that are numbers, by name."""

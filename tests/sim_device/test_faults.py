@@ -12,6 +12,7 @@ from sim_device.faults import FAULT_KINDS, Injection, injection, parse_injection
 
 from .harsh import heat_then_flush
 from .loop import Loop, hold
+from .loose import loose
 
 AT_S = 3.0
 FULL = hold(4000)
@@ -94,6 +95,26 @@ def test_a_fault_is_named_and_the_heat_stays_within_its_budget(name: str) -> Non
     first = check(loop, fault)
     assert first in fault.kind.expects, loop.bench.board.supervisor.first_fault
     assert loop.bench.board.state is BoardState.FAULT
+
+
+@pytest.mark.parametrize(("parameters", "lag_s"), [("A", 12.0), ("A", 40.0), ("B", 1e9)])
+@pytest.mark.parametrize("swing_K", [1.0, 2.4, 5.0, 10.0])
+@pytest.mark.parametrize("period_s", [0.5, 2.0, 6.0])
+def test_a_loose_sensor_whose_reading_swings_is_found_before_the_wire_is_hot(
+    parameters: str, lag_s: float, swing_K: float, period_s: float
+) -> None:
+    found = loose(parameters, lag_s, swing_K, period_s)
+    assert found.fault is Fault.NOT_HEATING
+    assert found.hottest_degC < 90.0
+
+
+@pytest.mark.parametrize("period_s", [0.5, 2.0, 6.0])
+def test_a_swing_does_not_hide_what_a_tightened_limit_finds(period_s: float) -> None:
+    limits = {"unheated_energy_mJ": 8000}
+    steady = loose("B", 20.0, limits=limits)
+    swinging = loose("B", 20.0, 5.0, period_s, limits=limits)
+    assert steady.fault is swinging.fault is Fault.NOT_HEATING
+    assert swinging.hottest_degC < 90.0
 
 
 @pytest.mark.parametrize("channel", [0, 1])

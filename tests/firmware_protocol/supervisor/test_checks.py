@@ -1,5 +1,7 @@
 """Each row of the check table: what trips it, after how long, and what comes close and does not."""
 
+import math
+import random
 from collections.abc import Callable
 from pathlib import Path
 
@@ -223,6 +225,49 @@ def test_a_spring_that_gets_energy_and_does_not_warm_is_found_by_energy_not_by_t
         energies.append(rig.supervisor.first_fault.measured)  # type: ignore[union-attr]
         assert rig.supervisor.first_fault.limit == 20_000  # type: ignore[union-attr]
     assert energies[0] == pytest.approx(energies[1], rel=0.02)
+
+
+def _triangle(t_s: float) -> float:
+    return 1.0 - 4.0 * abs(t_s / 2.0 % 1.0 - 0.5)
+
+
+SWINGS: dict[str, Callable[[float], float]] = {
+    "sine": lambda t_s: math.sin(2.0 * math.pi * t_s),
+    "slow sine": lambda t_s: math.sin(0.2 * math.pi * t_s),
+    "triangle": _triangle,
+    "square": lambda t_s: 1.0 if t_s % 4.0 < 2.0 else -1.0,
+    "saw": lambda t_s: 2.0 * (t_s / 3.0 % 1.0) - 1.0,
+    "noise": lambda t_s: random.Random(t_s).uniform(-1.0, 1.0),
+}
+
+
+@pytest.mark.parametrize("swing_cC", [50, 120, 190, 500])
+@pytest.mark.parametrize("wave", SWINGS)
+def test_a_reading_that_only_swings_has_not_warmed(wave: str, swing_cC: int) -> None:
+    rig = Rig().arm()
+    rig.setpoint_mA = (4000, 0)
+    # The jumps of the steepest ones would be there first.
+    rig.supervisor.limits.jumps = 10**6
+
+    def swing(m: Measurements) -> None:
+        flicker_cC = rig.now_us // 10_000 % 2
+        m.rtd_cC[0] = 3500 + flicker_cC + round(swing_cC * SWINGS[wave](rig.now_us * 1e-6))
+
+    rig.spoil = swing
+    fault, channel, took = trips(rig, 10.0)
+    assert (fault, channel) == (Fault.NOT_HEATING, Channel.SPRING_X)
+    assert took < 8.0
+
+
+@pytest.mark.parametrize("spike_cC", [390, 3000, -1000])
+def test_one_spike_of_a_slow_spring_is_not_taken_for_its_temperature(spike_cC: int) -> None:
+    for at_s in (0.5, 2.0, 5.0):
+        rig = Rig().heat(4000, seconds=at_s)
+        rig.m.rtd_cC[0] += spike_cC
+        rig.spoil = put("rtd_cC", rig.m.rtd_cC[0], 0)
+        rig.step()
+        rig.spoil = lambda m: None
+        stays(rig, 8.0)
 
 
 @pytest.mark.parametrize("duty", [0, 128, 255])
