@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def _make(options: argparse.Namespace) -> None:
-    _told(_any_inputs(options, options.bank, seed=options.seed))
+    _reported(_any_inputs(options, options.bank, seed=options.seed))
 
 
 def _any_inputs(options: argparse.Namespace, folder: Path, **more: Any) -> any_inputs.AnyInputs:
@@ -35,7 +35,7 @@ def _any_inputs(options: argparse.Namespace, folder: Path, **more: Any) -> any_i
 
 
 def _play(options: argparse.Namespace) -> None:
-    _told(_check_ups(options, options.bank, seed=options.seed, mixture=options.mixture))
+    _reported(_check_ups(options, options.bank, seed=options.seed, mixture=options.mixture))
 
 
 def _check_ups(options: argparse.Namespace, folder: Path, **more: Any) -> check_ups.CheckUps:
@@ -51,7 +51,7 @@ def _check_ups(options: argparse.Namespace, folder: Path, **more: Any) -> check_
     )
 
 
-def _told(order: Order) -> str:
+def _reported(order: Order) -> str:
     sha256 = any_inputs.make(order) if isinstance(order, any_inputs.AnyInputs) else ""
     if isinstance(order, check_ups.CheckUps):
         sha256 = check_ups.make(order)
@@ -76,7 +76,7 @@ def _seal(options: argparse.Namespace) -> None:
     for order, cases in orders.items():
         if not cases or (order.folder / "manifest.json").exists():
             continue
-        sha256 = _told(order)
+        sha256 = _reported(order)
         if not sha256:
             return
         Ledger.of().seal(sha256, f"{order.key_folder.name}/KEY.json")

@@ -171,7 +171,7 @@ def site_css() -> str:
         f"--md-default-bg-color: {PALETTE['back'].dark}; }}\n"
         "@font-face { font-family: 'STIX Two Math'; src: url(stix-two-math.woff2); }\n"
         "math { font-family: 'STIX Two Math', math; font-size: 1.1em; }\n"
-        ".equation { margin: 1em 0; overflow-y: hidden; }\n"
+        ".equation { margin: 1em 0; padding-bottom: .6em; overflow-y: hidden; }\n"
         ".md-typeset__table { display: block; }\n"
         ".md-typeset h1 { color: inherit; }\n"
         # What is wider than a phone scrolls by itself; a shadow at an edge says that there is more.

@@ -106,9 +106,9 @@ _TRUST = {
     "noticed near 3 floors": (_MORE, "an effect of about three floors noticed"),
     "place right first, listed": (_MORE, "noticed effects of the library: right place first"),
     "place right first, unlisted": (_MORE, "noticed effects outside it: right place first"),
-    "right name told, of noticed listed": (_MORE, "noticed effects of the library: right name"),
-    "right name, of names told": (_MORE, "names given that were right"),
-    "unlisted told by name": (_LESS, "noticed effects outside the library given a name"),
+    "right name reported, of noticed listed": (_MORE, "noticed effects of the library: right name"),
+    "right name, of names reported": (_MORE, "names given that were right"),
+    "unlisted reported by name": (_LESS, "noticed effects outside the library given a name"),
 }
 """Rows of the score table that the README shows: which way is better, and plain words."""
 

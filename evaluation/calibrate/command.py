@@ -98,7 +98,7 @@ def toml(c: Constants, words: str) -> str:
     head = (
         f"# Written by `python -m evaluation calibrate` from {words}.\n"
         "# Under them the right rivals are likeliest, kinds of cases weighed by allowed errors\n"
-        f"# ({allowed}); credible_level: told places hold the truth in {HELD:g}.\n"
+        f"# ({allowed}); credible_level: reported places hold the truth in {HELD:g}.\n"
     )
     return head + "".join(f"{name} = {getattr(c, name)!r}\n" for name in c.__struct_fields__)
 
@@ -137,7 +137,7 @@ def _scores(cases: Held) -> Table:
     named = [(s, c) for s, c in answered if s.name[0] >= 0.5]
     rows = [
         share("quiet benches called changed", kind(NONE), lambda x: x[0].kind != NOTHING),
-        share("parameters told as such", kind(MOVED), lambda x: x[0].kind == PARAMETERS),
+        share("parameters reported as such", kind(MOVED), lambda x: x[0].kind == PARAMETERS),
         share("effects noticed", effects, lambda x: x[0].noticed),
         share(
             "effects noticed, of those that parameters do not imitate",
@@ -150,22 +150,24 @@ def _scores(cases: Held) -> Table:
         ),
         *(
             share(
-                f"told places hold the truth, {words}",
+                f"reported places hold the truth, {words}",
                 part,
-                lambda x: x[0].told_places_hold(x[1].credible_level),
+                lambda x: x[0].reported_places_hold(x[1].credible_level),
             )
             for words, part in (("listed", listed), ("unlisted", other))
         ),
         share("right name first, listed", listed, lambda x: x[0].name[1]),
-        share("right name told, listed", listed, lambda x: x[0].name[1] and x[0].name[0] >= 0.5),
-        share("right name, of names told", named, lambda x: x[0].name[1]),
-        share("unlisted told by name", other, lambda x: x[0].name[0] >= 0.5),
+        share(
+            "right name reported, listed", listed, lambda x: x[0].name[1] and x[0].name[0] >= 0.5
+        ),
+        share("right name, of names reported", named, lambda x: x[0].name[1]),
+        share("unlisted reported by name", other, lambda x: x[0].name[0] >= 0.5),
     ]
     lines = [(row.name, number(row), str(row.count)) for row in rows]
-    sizes = [len(s.told_places(c.credible_level)) for s, c in answered]
+    sizes = [len(s.reported_places(c.credible_level)) for s, c in answered]
     if sizes:
         lines.append(
-            ("told places, mean number", f"{statistics.fmean(sizes):.2f}", str(len(sizes)))
+            ("reported places, mean number", f"{statistics.fmean(sizes):.2f}", str(len(sizes)))
         )
     for truth in ALLOWED:
         logs = [

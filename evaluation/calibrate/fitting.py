@@ -10,7 +10,7 @@ Two losses are minimised in turn, each a sum over kinds of cases:
   are noticed under these. It fits the evidence, and the prior of effects.
 
 Benches of the product's own simulator and of the independent plant count as much as each other,
-however many there are of either. The level of the sets that are told is the least at which they
+however many there are of either. The level of the sets that are reported is the least at which they
 hold the truth as often as they should on both.
 """
 
@@ -40,7 +40,7 @@ ALLOWED = {NONE: 1.0 / 60.0, MOVED: 1.0 / 20.0, LISTED: 0.15, UNLISTED: 0.20}
 """Share of errors that the goals allow: quiet called changed, parameters given a cause, another
 name first, another place first."""
 HELD = 0.96
-"""How often the places that are told hold the truth: between the goals of listed and of others."""
+"""How often the reported places hold the truth: between the goals of listed and of others."""
 LEVELS = tuple(round(0.5 + 0.01 * k, 2) for k in range(50))
 _WHAT = {NONE: "a bench without a change", MOVED: "changed parameters",
          LISTED: "an effect of the library"}  # fmt: skip
@@ -73,7 +73,7 @@ def fitted(cases: Sequence[CaseRivals]) -> Constants:
 
 
 def noticed(cases: Sequence[CaseRivals], c: Constants) -> list[CaseRivals]:
-    """The cases of which a cause is told, and that have a right rival to be told."""
+    """The cases of which a cause is reported, and that have a right rival to be reported."""
     return [x for x in cases if x.right[x.more].any() and x.said(c).noticed]
 
 
@@ -154,7 +154,7 @@ def _value(name: str, coordinate: float) -> float:
 
 
 def _credible_level(cases: Sequence[CaseRivals], c: Constants) -> float:
-    """The least level at which the told places hold the truth in `HELD` of what is noticed."""
+    """The least level at which the reported places hold the truth in `HELD` of what is noticed."""
     seen = [s for x in cases if x.truth in (LISTED, UNLISTED) for s in (x.said(c),) if s.noticed]
     kinds = [part for e in (True, False) if (part := [s for s in seen if s.case_rivals.exact == e])]
     for level in LEVELS:
@@ -164,8 +164,8 @@ def _credible_level(cases: Sequence[CaseRivals], c: Constants) -> float:
 
 
 def _holding(scored: Sequence[Said], level: float) -> float:
-    """How often the places that are told hold the truth."""
-    return float(np.mean([s.told_places_hold(level) for s in scored]))
+    """How often the places that are reported hold the truth."""
+    return float(np.mean([s.reported_places_hold(level) for s in scored]))
 
 
 def _rounded(value: float) -> float:

@@ -159,13 +159,13 @@ class Said:
         name = max(self.names, key=lambda x: self.names[x], default="")
         return self.names.get(name, 0.0), canonical(name) in self.case_rivals.names
 
-    def told_places(self, level: float) -> set[str]:
+    def reported_places(self, level: float) -> set[str]:
         """The fewest places that together have the probability `level`."""
         return set(credible_set(self.places, level))
 
-    def told_places_hold(self, level: float) -> bool:
+    def reported_places_hold(self, level: float) -> bool:
         """Whether one of these is right."""
-        return bool(self.told_places(level) & self.case_rivals.places)
+        return bool(self.reported_places(level) & self.case_rivals.places)
 
 
 def showing(cases: Sequence[CaseRivals]) -> list[CaseRivals]:

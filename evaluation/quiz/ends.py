@@ -26,7 +26,7 @@ def end_of(answer: dict[str, Any], report: Report, spent_s: float, programme: Pr
     assert report.verdict is not None
     verdict = report.verdict
     causes = msgspec.convert(msgspec.to_builtins(verdict.causes), list[Cause])
-    names = {c.told_name for c in causes if c.told_name}
+    names = {c.reported_name for c in causes if c.reported_name}
     return {
         "seed": answer["seed"],
         "effects": [canonical(e["name"]) for e in answer["effects"]],
@@ -34,7 +34,7 @@ def end_of(answer: dict[str, Any], report: Report, spent_s: float, programme: Pr
         "outcome": verdict.outcome,
         "names": sorted(canonical(n) for n in names),
         "place": causes[0].place if causes else "",
-        "told_places": sorted(causes[0].told_places) if causes else [],
+        "reported_places": sorted(causes[0].reported_places) if causes else [],
         "true_places": sorted({p for e in answer["effects"] for p in e["places"]}),
         "why_over": report.why_over,
         "further_runs": max(
@@ -73,13 +73,13 @@ def placed(case: End) -> str:
 
 
 def placed_among(case: End) -> str:
-    """How it ended as to all places that are told as possible, one of `_ENDS`."""
-    return _placed(case, _told_places(case))
+    """How it ended as to all places that are reported as possible, one of `_ENDS`."""
+    return _placed(case, _reported_places(case))
 
 
-def _told_places(case: End) -> set[str]:
+def _reported_places(case: End) -> set[str]:
     # Ends of before 29 November 2026 have the likeliest alone.
-    return {case["place"], *case.get("told_places", ())}
+    return {case["place"], *case.get("reported_places", ())}
 
 
 def _placed(case: End, places: set[str]) -> str:
@@ -131,7 +131,7 @@ def table(cases: Sequence[End]) -> Table:
     for title, members in (group for group in groups if group[1]):
         took = [c["minutes"] for c in members]
         minutes = f"{median(took):.1f} ({max(took):.1f})"
-        counts = [len(_told_places(c)) for c in members if c["place"]]
+        counts = [len(_reported_places(c)) for c in members if c["place"]]
         several = f"one of {mean(counts):.1f} places" if counts else "one of the places"
         for what, how in (("name", mark), ("likeliest place", placed), (several, placed_among)):
             ends = [how(c) for c in members]

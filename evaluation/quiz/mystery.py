@@ -1,6 +1,6 @@
 """The quiz over the wire: a bench with a hidden effect, and what opens the answer afterwards.
 
-The answer follows from the number alone; its hash is told at the start and checked at the end.
+The answer follows from the number alone; its hash is shown at the start and checked at the end.
 """
 
 import hashlib

@@ -108,7 +108,7 @@ def asked(
 ) -> Callable[[int], dict[str, Any]]:
     """What investigates the bench of a number; its runs lie in `out` until it is through.
 
-    The processor time of all its processes is told as `processor_s`, of one that was interrupted
+    The processor time of all its processes is given as `processor_s`, of one that was interrupted
     only that since then.
     """
 

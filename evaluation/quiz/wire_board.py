@@ -85,8 +85,8 @@ class WireBoard:
         self._tick = 0
         self._sp_seq = 0
         self._sp_age_us: int | None = None
-        self._told: sup.FirstFault | None = None
-        self._told_mode = self.state
+        self._reported: sup.FirstFault | None = None
+        self._reported_mode = self.state
         self._answered_us: int | None = None
         self.setpoints = 0
         self._out: Array = np.zeros(len(COLUMNS))
@@ -108,7 +108,7 @@ class WireBoard:
 
         A board that was disarmed since then is not answered any more.
         """
-        both = self._told_mode in HEATING and self.state in HEATING
+        both = self._reported_mode in HEATING and self.state in HEATING
         return both and self._answered_us != self.now_us % WRAP
 
     @property
@@ -140,7 +140,7 @@ class WireBoard:
         self._session.safe = self.state == BoardState.SAFE
         state = self._state(read, applied, duty)
         self._session.send_state(state)
-        self._told_mode = state.mode
+        self._reported_mode = state.mode
         self._tell_fault(state)
         return self._session.data_to_send()
 
@@ -171,9 +171,9 @@ class WireBoard:
 
     def _tell_fault(self, state: m.State) -> None:
         first = self._supervisor.first_fault
-        if first is None or first == self._told:
+        if first is None or first == self._reported:
             return
-        self._told = first
+        self._reported = first
         self._session.send_fault(
             m.FaultReport(
                 axis=AXIS,

@@ -22,7 +22,7 @@ Test = Callable[[Answer], bool]
 
 
 def first_name(answer: Answer) -> str:
-    """The likeliest effect of the first step, told or not; empty where none was asked."""
+    """The likeliest effect of the first step, reported or not; empty where none was asked."""
     if answer.verdict is None:
         return ""
     causes = answer.verdict.causes
@@ -31,8 +31,8 @@ def first_name(answer: Answer) -> str:
     return max(effects, key=lambda r: r.probability).name if effects else ""
 
 
-def told_names(answer: Answer) -> set[str]:
-    """The effects that are told as causes."""
+def reported_names(answer: Answer) -> set[str]:
+    """The effects that are reported as causes."""
     return {c.name for c in answer.verdict.causes if c.name} if answer.verdict else set()
 
 
@@ -61,35 +61,36 @@ def first_right(answer: Answer) -> bool:
     return first_name(answer) in answer.case.effects
 
 
-def all_told(answer: Answer) -> bool:
-    """Whether every effect at work is told."""
-    return set(answer.case.effects) <= told_names(answer)
+def all_reported(answer: Answer) -> bool:
+    """Whether every effect at work is reported."""
+    return set(answer.case.effects) <= reported_names(answer)
 
 
 def near(answer: Answer) -> bool:
-    """Whether what is told leaves at most `AT_FLOOR` floors."""
+    """Whether what is reported leaves at most `AT_FLOOR` floors."""
     whole = _whole(answer)
     return whole is not None and whole.final <= AT_FLOOR
 
 
 def _foreign(answer: Answer) -> bool:
-    """Whether anything is told that is not at work: another effect, or a law."""
+    """Whether anything is reported that is not at work: another effect, or a law."""
     causes = answer.verdict.causes if answer.verdict else []
     return any(c.name not in answer.case.effects for c in causes)
 
 
 _ROWS: tuple[tuple[str, str, Test, Goal | None], ...] = (
     ("right name first", SINGLE, first_right, Goal(0.98)),
-    ("right name told", SINGLE, all_told, Goal(0.95)),
-    ("something else told", SINGLE, _foreign, None),
+    ("right name reported", SINGLE, all_reported, Goal(0.95)),
+    ("something else reported", SINGLE, _foreign, None),
     ("gap left at most 1.3 floors", SINGLE, near, Goal(0.95)),
     ("nothing called something", NONE, lambda a: outcome(a) != QUIET, Goal(0.02, at_most=True)),
     ("parameters called parameters", PARAMETERS_ALONE,
      lambda a: outcome(a) == PARAMETERS, Goal(0.95)),
     ("parameters given a cause", PARAMETERS_ALONE,
      lambda a: a.verdict is None or bool(a.verdict.causes), Goal(0.05, at_most=True)),
-    ("pairs: one of both told", PAIR, lambda a: bool(told_names(a) & set(a.case.effects)), None),
-    ("pairs: both told", PAIR, all_told, Goal(0.85)),
+    ("pairs: one of both reported", PAIR,
+     lambda a: bool(reported_names(a) & set(a.case.effects)), None),
+    ("pairs: both reported", PAIR, all_reported, Goal(0.85)),
     ("pairs: gap left at most 1.3 floors", PAIR, near, None),
 )  # fmt: skip
 _LONGEST_S = {question: 8.0 if question == CHECK_UP else 20.0 for question in QUESTIONS}
@@ -102,7 +103,7 @@ def tables(answers: Sequence[Answer]) -> dict[str, Table]:
         part = [a for a in answers if a.case.question == question]
         out[f"Recovery, {question}"] = _scores(part, question)
         out[f"Recovery, {question}: single effects apart"] = _apart(part)
-        out[f"Recovery, {question}: wrong, missed or cannot be told"] = _wrong(part)
+        out[f"Recovery, {question}: wrong, missed or indistinguishable"] = _wrong(part)
     return {heading: table for heading, table in out.items() if table.rows}
 
 
@@ -151,9 +152,9 @@ def _apart(answers: Sequence[Answer]) -> Table:
         part = [a for a in answers if a.case.kind == SINGLE and belongs(a)]
         if part:
             clear = [a for a in part if identifiable(a)]
-            cells = (number(share("", clear, test)) for test in (first_right, all_told, near))
+            cells = (number(share("", clear, test)) for test in (first_right, all_reported, near))
             lines.append((name, str(len(part)), str(len(part) - len(clear)), *cells))
-    head = ("of single effects", "cases", "cannot be told", "right name first", "told",
+    head = ("of single effects", "cases", "indistinguishable", "right name first", "reported",
             "at most 1.3 floors left")  # fmt: skip
     return Table(head, lines, numeric=frozenset(range(1, len(head))))
 
@@ -163,7 +164,7 @@ def _right(answer: Answer) -> bool:
         return outcome(answer) == QUIET
     if answer.case.kind == PARAMETERS_ALONE:
         return outcome(answer) == PARAMETERS
-    return all_told(answer) and near(answer) and not _foreign(answer)
+    return all_reported(answer) and near(answer) and not _foreign(answer)
 
 
 def _wrong(answers: Sequence[Answer]) -> Table:
@@ -189,6 +190,6 @@ def _wrong(answers: Sequence[Answer]) -> Table:
                 "" if identifiable(a) or not a.case.effects else "no",
             )
         )
-    head = ("case", "outcome", "told", "likeliest effect", "raw → parameters → told, floors",
-            "identifiable")  # fmt: skip
+    gaps = "raw → parameters → reported, floors"
+    head = ("case", "outcome", "reported", "likeliest effect", gaps, "identifiable")
     return Table(head, lines)

@@ -50,10 +50,12 @@ _COLUMNS = {
     "at 10": ("check-up: noticed near 10 floors", "detected at 10× the floor"),
     "place right first": ("check-up: place right first, listed",),
     "right name": (
+        "check-up: right name reported, of noticed listed",
         "check-up: right name told, of noticed listed", "check-up: right name, of noticed listed",
         "right name first, of the detected",
     ),
     "unknown given a name": (
+        "check-up: unlisted reported by name",
         "check-up: unlisted told by name", "check-up: unlisted given a name",
         "unknown effects named as a known one",
     ),

@@ -163,7 +163,7 @@ def _diagnosed(check: Check, case: Case) -> Judged:
 
     verdict = ask(check.plant)
     cpu_s = _since(began)
-    return Judged(case.id, _told(check, case, verdict, ask), cpu_s=cpu_s)
+    return Judged(case.id, _reported(check, case, verdict, ask), cpu_s=cpu_s)
 
 
 def _checked_up(check: Check, case: Case) -> Judged:
@@ -176,19 +176,19 @@ def _checked_up(check: Check, case: Case) -> Judged:
     began = time.process_time()
     verdict = ask(check.plant)
     cpu_s = _since(began)
-    return Judged(case.id, _told(check, case, verdict, ask), cpu_s=cpu_s)
+    return Judged(case.id, _reported(check, case, verdict, ask), cpu_s=cpu_s)
 
 
 def _since(began: float) -> float:
     return round(time.process_time() - began, 2)
 
 
-def _told(
+def _reported(
     check: Check, case: Case, verdict: ScoredVerdict, ask: Callable[[SmaPlant], ScoredVerdict]
 ) -> dict[str, Any]:
     """The verdict as it is kept: without model files, which are long and which nothing scores.
 
-    Where the right entry is to be left out, what is told without it stands beside.
+    Where the right entry is to be left out, what is reported without it stands beside.
     """
     record: dict[str, Any] = msgspec.to_builtins(msgspec.structs.replace(verdict, models=[]))
     if case.id in check.left_out and verdict.outcome != QUIET:
@@ -200,8 +200,8 @@ def _told(
         record["left_out"] = {
             cause: {
                 "outcome": less.outcome,
-                "places": sorted(first.told_places),
-                "name": first.told_name,
+                "places": sorted(first.reported_places),
+                "name": first.reported_name,
             }
         }
     return record

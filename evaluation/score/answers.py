@@ -22,7 +22,7 @@ _LITTLE = 0.2
 SILENT = frozenset(("quiet", "parameters", "refused"))
 """Outcomes that claim no more than other values of the parameters."""
 NAMED = 0.5
-"""An effect is told by name from so much probability on, that of no effect of the library too."""
+"""An effect is named from so much probability on, that of no effect of the library included."""
 
 
 class TrueEffect(msgspec.Struct, frozen=True):
@@ -63,10 +63,11 @@ class Key(msgspec.Struct, frozen=True):
 
 
 class Cause(msgspec.Struct, frozen=True):
-    """A cause that was told: its place, and the effects of the library that it may be.
+    """A cause that was reported: its place, and the effects of the library that it may be.
 
     `probability` is that of the place, `names` are effects with their probabilities if it is one of
-    the library, `outside` the probability that it is none. `credible_places` are told beside it.
+    the library, `outside` the probability that it is none. `credible_places` are
+    reported with it.
     """
 
     place: str
@@ -87,13 +88,13 @@ class Cause(msgspec.Struct, frozen=True):
         return (1.0 - self.outside) * max(self.names.values(), default=0.0)
 
     @property
-    def told_name(self) -> str:
-        """The likeliest effect where it is told; else empty."""
+    def reported_name(self) -> str:
+        """The likeliest effect where it is reported; else empty."""
         return self.likeliest if self.name_probability >= NAMED else ""
 
     @property
-    def told_places(self) -> set[str]:
-        """Places that are told, its own among them."""
+    def reported_places(self) -> set[str]:
+        """Places that are reported, its own among them."""
         return {self.place, *self.credible_places} - {""}
 
 
@@ -105,7 +106,7 @@ class Whole(msgspec.Struct, frozen=True):
 
     @property
     def final(self) -> float:
-        """With everything that is told."""
+        """With everything that is reported."""
         return (self.causes or [self.parameters])[-1]
 
     @property
@@ -118,7 +119,7 @@ class Whole(msgspec.Struct, frozen=True):
 
 
 class LeftOut(msgspec.Struct, frozen=True):
-    """What a library that lacks the right entry says: the told places, and the name told."""
+    """The answer of a library that lacks the right entry: places and name."""
 
     outcome: str
     places: list[str] = []
@@ -191,7 +192,7 @@ class Pair:
 
     @property
     def first(self) -> Cause:
-        """The first cause told; an empty one where none was."""
+        """The first cause reported; an empty one where none was."""
         return self.said.causes[0] if self.said.causes else Cause("")
 
     @property
@@ -211,13 +212,13 @@ class Pair:
 
     @property
     def likeliest_right(self) -> bool:
-        """Whether the likeliest effect of the first cause is right, told or not."""
+        """Whether the likeliest effect of the first cause is right, reported or not."""
         return canonical(self.first.likeliest) in self.true_names
 
     @property
     def named(self) -> bool:
-        """Whether the first cause is told by name, and the name is right."""
-        return bool(self.first.told_name) and self.likeliest_right
+        """Whether the first cause is reported by name, and the name is right."""
+        return bool(self.first.reported_name) and self.likeliest_right
 
 
 def digest(path: Path) -> str:

@@ -16,7 +16,7 @@ class RivalScore(msgspec.Struct, frozen=True, kw_only=True):
 
     `scores` are those of `rivals/score.py`, one for each judged run, `log_prior` that of where its
     parameters are, `gap` what it leaves of the judged runs in floors; `near`: nothing that could be
-    told in any signal.
+    reported in any signal.
     """
 
     kind: str

@@ -47,18 +47,18 @@ def of_kind(pairs: Sequence[Pair], *kinds: str) -> list[Pair]:
     return [p for p in pairs if p.truth.kind in kinds]
 
 
-def _in_told(p: Pair) -> bool:
-    return bool(p.first.told_places & p.true_places)
+def _in_reported(p: Pair) -> bool:
+    return bool(p.first.reported_places & p.true_places)
 
 
 def _gone(pairs: Sequence[Pair]) -> list[float]:
-    """Of cases whose gap is above the floor, what goes with what is told."""
+    """Of cases whose gap is above the floor, what goes with what is reported."""
     shares = (p.said.whole.gone for p in pairs if p.said.whole is not None)
     return [x for x in shares if x is not None]
 
 
 def _worse(p: Pair) -> bool:
-    """What is told leaves more of the judged runs than other parameters alone."""
+    """What is reported leaves more of the judged runs than other parameters alone."""
     whole = p.said.whole
     return whole is not None and whole.final > whole.parameters + _ROUNDING
 
@@ -69,12 +69,12 @@ def _both_places(p: Pair) -> bool:
 
 
 def _both_names(p: Pair) -> bool:
-    return {canonical(c.told_name) for c in p.said.causes} >= p.true_names
+    return {canonical(c.reported_name) for c in p.said.causes} >= p.true_names
 
 
 def _place_beside(p: Pair) -> bool:
     """A later cause is at a place where nothing acts."""
-    return any(not c.told_places & p.true_places for c in p.said.causes[1:])
+    return any(not c.reported_places & p.true_places for c in p.said.causes[1:])
 
 
 def _added_among(p: Pair, first: int) -> bool:
@@ -82,9 +82,9 @@ def _added_among(p: Pair, first: int) -> bool:
 
 
 def _added_named(p: Pair) -> bool:
-    """The first cause at the effect's place that is told by name has the right one."""
-    named = [c for c in p.said.causes if c.told_name and c.place in p.true_places]
-    return bool(named) and canonical(named[0].told_name) in p.true_names
+    """The first cause at the effect's place that is reported by name has the right one."""
+    named = [c for c in p.said.causes if c.reported_name and c.place in p.true_places]
+    return bool(named) and canonical(named[0].reported_name) in p.true_names
 
 
 def _own_found(p: Pair) -> float:
@@ -196,33 +196,33 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
             for s in STRENGTHS
         ),
         *(share(f"place right first, {k}", part, lambda p: p.placed) for k, part in kinds),
-        *(share(f"told places hold the truth, {k}", part, _in_told) for k, part in kinds),
+        *(share(f"reported places hold the truth, {k}", part, _in_reported) for k, part in kinds),
         _over(
-            "told places, mean number",
-            [len(p.first.told_places) for p in noticed],
+            "reported places, mean number",
+            [len(p.first.reported_places) for p in noticed],
             statistics.fmean,
         ),
         share("right name first, of noticed listed", listed, lambda p: p.likeliest_right),
-        share("right name told, of noticed listed", listed, lambda p: p.named),
+        share("right name reported, of noticed listed", listed, lambda p: p.named),
         share(
-            "right name, of names told",
-            [p for p in noticed if p.first.told_name],
+            "right name, of names reported",
+            [p for p in noticed if p.first.reported_name],
             lambda p: p.named,
         ),
-        share("unlisted told by name", unlisted, lambda p: bool(p.first.told_name)),
+        share("unlisted reported by name", unlisted, lambda p: bool(p.first.reported_name)),
         *(_over(f"gap gone, {k}", _gone(part)) for k, part in kinds),
         share("held-out gap above that of parameters alone", pairs, _worse),
         share("pairs: both places among the first three", several, _both_places),
-        share("pairs: both names told", several, _both_names),
+        share("pairs: both names reported", several, _both_names),
         share("pairs of three floors each: both places among the first three", both, _both_places),
-        share("one effect: another place told beside it", noticed, _place_beside),
+        share("one effect: another place reported beside it", noticed, _place_beside),
         share(
-            "left out: its place still told",
+            "left out: its place still reported",
             left_out,
             lambda p: any(set(s.places) & p.true_places for s in p.said.left_out.values()),
         ),
         share(
-            "left out: told by name all the same",
+            "left out: reported by name all the same",
             left_out,
             lambda p: any(s.name for s in p.said.left_out.values()),
         ),
@@ -256,12 +256,12 @@ def rows_of_differs(pairs: Sequence[Pair]) -> list[Row]:
         ),
         share("own differences among the first four places", pairs, _own_found),
         share(
-            "causes told where something differs",
+            "causes reported where something differs",
             [(p, cause) for p in pairs for cause in p.said.causes],
-            lambda told: _something_differs(*told),
+            lambda reported: _something_differs(*reported),
         ),
         _over("floors left by parameters alone, median", [w.parameters for w in gaps]),
-        _over("floors left with what is told, median", [w.final for w in gaps]),
+        _over("floors left with what is reported, median", [w.final for w in gaps]),
         share("held-out gap above that of parameters alone", pairs, _worse),
         *_time(pairs),
     ]
@@ -300,8 +300,8 @@ def tables(pairs: Sequence[Pair]) -> dict[str, Table]:
     changed = [p for p in pairs if p.truth.question != DIFFERS]
     out |= {
         "Over strength": _over_strength(changed),
-        "Probability of the first place": _reliable(said_of_places(_told_of(changed))),
-        "Probability of the likeliest name": _reliable(said_of_names(_told_of(changed))),
+        "Probability of the first place": _reliable(said_of_places(_reported_of(changed))),
+        "Probability of the likeliest name": _reliable(said_of_names(_reported_of(changed))),
         "By likelihood alone: right name first, of noticed listed": _rules(changed),
         "Wrong or missed": _wrong(pairs),
     }
@@ -319,7 +319,7 @@ def _scores(question: str, score_rows: Sequence[Row]) -> Table:
     return Table(head, lines, numeric=frozenset({1, 2}))
 
 
-def _told_of(pairs: Sequence[Pair]) -> list[Pair]:
+def _reported_of(pairs: Sequence[Pair]) -> list[Pair]:
     return [p for p in of_kind(pairs, "single", "unknown") if p.noticed]
 
 
@@ -329,16 +329,16 @@ def _reliable(claims: Sequence[Said]) -> Table:
 
 
 def _over_strength(pairs: Sequence[Pair]) -> Table:
-    """What is told right of single effects near 1, 3 and 10 floors."""
+    """What is reported right of single effects near 1, 3 and 10 floors."""
     effects = of_kind(pairs, "single", "unknown")
     noticed = [p for p in effects if p.noticed]
     listed = of_kind(noticed, "single")
     curves: list[tuple[str, list[Pair], Test]] = [
         ("noticed", effects, lambda p: p.noticed),
         ("place right first", noticed, lambda p: p.placed),
-        ("told places hold the truth", noticed, _in_told),
+        ("reported places hold the truth", noticed, _in_reported),
         ("right name first, listed", listed, lambda p: p.likeliest_right),
-        ("right name told, listed", listed, lambda p: p.named),
+        ("right name reported, listed", listed, lambda p: p.named),
     ]
     lines = [
         (name, *(number(share("", [p for p in part if p.strength == s], holds)) for s in STRENGTHS))
@@ -377,9 +377,9 @@ def _wrong(pairs: Sequence[Pair]) -> Table:
             " + ".join(e.name for e in p.truth.effects),
             f"{p.truth.gap_worst:.1f}",
             p.said.outcome,
-            ", ".join(f"{c.place} {c.told_name}".strip() for c in p.said.causes[:3]),
+            ", ".join(f"{c.place} {c.reported_name}".strip() for c in p.said.causes[:3]),
         )
         for p in failed
     ]
-    head = ("case", "kind", "truth", "floors", "outcome", "places told")
+    head = ("case", "kind", "truth", "floors", "outcome", "places reported")
     return Table(head, lines, numeric=frozenset({3}))

@@ -120,9 +120,9 @@ class CompiledSupervisor(Supervisor):
         if not self._as_compiled:
             super()._decide_sample(m, now_us)
             return
-        _, own, *_ = self._structures
-        if m is not own:
-            _filled(own, m)
+        _, measurements, *_ = self._structures
+        if m is not measurements:
+            _filled(measurements, m)
         memory, measured, _, limits = self._addresses
         self._library.sample(memory, measured, limits, now_us)
 

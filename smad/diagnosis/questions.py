@@ -130,7 +130,7 @@ def changed_runs(admitted: AdmittedRuns) -> Search:
     # The good runs determine the parameters even if none of them has moved.
     known = good.final.fit or good.parameters.fit
     if known is not None:
-        precision = Precision.at(question.evidence, known)
+        precision = Precision.at_fit(question.evidence, known)
         uncertainty = uncertainty + precision.covariance(known)[:n, :n]
     tied = np.asarray(np.linalg.inv(uncertainty))
     new = admitted.question(start, admitted.fit, admitted.held_out, floors, tied)

@@ -36,7 +36,7 @@ class FmuPlant(ReplayedPlant):
     its `processes` if it has some.
     """
 
-    kept = 64
+    most_replays = 64
     one_at_a_time = True
 
     def __init__(self, unit: UnitFile, mapped: Map) -> None:

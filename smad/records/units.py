@@ -25,8 +25,8 @@ class Written:
     @classmethod
     def of(cls, unit: str, to: str, scale: float = 1.0, offset: float = 0.0) -> Written:
         """The number · `scale` + `offset` is in `unit`, the value in the unit `to`."""
-        zero, one = convert(np.array([offset, offset + scale]), unit, to).tolist()
-        return cls(unit if unit != to else "", one - zero, zero)
+        zero, unity = convert(np.array([offset, offset + scale]), unit, to).tolist()
+        return cls(unit if unit != to else "", unity - zero, zero)
 
     def numbers(self, values: Array) -> Array:
         """The numbers in the file of values, shape (n,)."""

@@ -1,6 +1,7 @@
 """A sample and what came of it as a row of the run log. Pure."""
 
 import math
+from collections.abc import Sequence
 
 from firmware_protocol.enums import SetpointFlag
 from firmware_protocol.messages import Setpoint, State
@@ -22,6 +23,11 @@ def millimetres(metres: float) -> float:
     return round(metres * 1e3, 6)
 
 
+def _digits(readings: Sequence[float]) -> list[float]:
+    """Return readings as the board measured them: 1.648 and not 1.6480000000000001."""
+    return [round(reading, 6) for reading in readings]
+
+
 def row_of(
     sample: Sample,
     state: State,
@@ -37,19 +43,21 @@ def row_of(
     displacement_mm = millimetres(sample.displacement_m)
     i_cmd = (_NAN, _NAN) if setpoint is None else setpoint.i_mA
     age_us = state.sp_age_us
-    rtd = [round(degrees, 6) for degrees in sample.rtd_degC]
+    rtd = _digits(sample.rtd_degC)
+    i_applied, i_meas = _digits(sample.i_applied_A), _digits(sample.i_meas_A)
+    v_x, v_y, supply, force = _digits((*sample.v_V, sample.supply_V, sample.force_N))
     return Row(
         t_s=sample.t_us / 1e6,
         host_time_s=host_time_s,
         tick=sample.tick,
         i_cmd_x_A=i_cmd[0] / 1e3,
         i_cmd_y_A=i_cmd[1] / 1e3,
-        i_applied_x_A=sample.i_applied_A[0],
-        i_applied_y_A=sample.i_applied_A[1],
-        i_meas_x_A=sample.i_meas_A[0],
-        i_meas_y_A=sample.i_meas_A[1],
-        v_x_V=sample.v_V[0],
-        v_y_V=sample.v_V[1],
+        i_applied_x_A=i_applied[0],
+        i_applied_y_A=i_applied[1],
+        i_meas_x_A=i_meas[0],
+        i_meas_y_A=i_meas[1],
+        v_x_V=v_x,
+        v_y_V=v_y,
         duty_x=sample.pump_duty[0],
         duty_y=sample.pump_duty[1],
         pump_starts_x=pump_starts[0],
@@ -62,8 +70,8 @@ def row_of(
         rtd_ambient_degC=rtd[3],
         displacement_mm=displacement_mm,
         angle_deg=round(displacement_mm * degrees_per_mm, 6),
-        force_N=sample.force_N,
-        supply_V=sample.supply_V,
+        force_N=force,
+        supply_V=supply,
         stage_mm=setpoint.stage_um / 1e3
         if setpoint is not None and setpoint.flags & _STAGE
         else None,

@@ -59,7 +59,7 @@ class FirstReadings(Mapping[str, float]):
     def __getitem__(self, name: str) -> float:
         of = name if self._table.source_of(name) else name.removesuffix("_rate")
         run = GapRun(self._table.name, self._table.t_s, {}, {of: self._table.column(of)})
-        return Starts(run, (of,)).at(0)[0][name]
+        return Starts(run, (of,)).start_of(0)[0][name]
 
     def __iter__(self) -> Iterator[str]:
         return iter([*self._table.columns, *(f"{n}_rate" for n in self._table.columns)])

@@ -34,7 +34,7 @@ class SimulatedPlant(ReplayedPlant):
     there are `processes` are of use.
     """
 
-    kept = 128
+    most_replays = 128
 
     def __init__(
         self,

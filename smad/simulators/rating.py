@@ -240,7 +240,7 @@ class _Sheet:
         """Root mean square of rows, in floors."""
         return float(np.sqrt(np.mean(rows**2)))
 
-    def at(self, point: ModelPoint) -> Array | None:
+    def changes_at(self, point: ModelPoint) -> Array | None:
         """What a point changes of the nominal readings, (rows,); None where it cannot be run."""
         return self._less([self.plant.simulate(point, r, fast=True) for r in self.runs])
 
@@ -271,7 +271,7 @@ def _slopes(sheet: _Sheet, ends: float) -> tuple[Array, list[str]]:
             break
         step = _THETA_STEP * q.prior_sd * (1.0 if q.nominal + q.prior_sd <= q.high else -1.0)
         point = nominal_point(sheet.plant)
-        moved = sheet.at(replace(point, theta={**point.theta, q.name: q.nominal + step}))
+        moved = sheet.changes_at(replace(point, theta={**point.theta, q.name: q.nominal + step}))
         missed_by[i] = _NO_NUMBERS if moved is None else ""
         if moved is not None:
             out[i] = moved * (q.prior_sd / step)
@@ -296,7 +296,7 @@ def _effects(sheet: _Sheet) -> Iterator[_Cause]:
                 typical=abs(q.typical),
                 high=max(abs(q.low), abs(q.high)),
                 places=places & frozenset(effect.places),
-                play=partial(sheet.at, with_effect),
+                play=partial(sheet.changes_at, with_effect),
             )
 
 

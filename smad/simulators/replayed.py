@@ -66,7 +66,7 @@ class ReplayedPlant(ABC):
     not make the same one again.
     """
 
-    kept: ClassVar[int]
+    most_replays: ClassVar[int]
     """How many replays are kept."""
     one_at_a_time: ClassVar[bool] = False
     """Whether this process can make one replay only at a time."""
@@ -157,7 +157,7 @@ class ReplayedPlant(ABC):
         with self._lock:
             self._courses[key] = course
             self._courses.move_to_end(key)
-            while len(self._courses) > self.kept:
+            while len(self._courses) > self.most_replays:
                 self._courses.popitem(last=False)
         return course
 

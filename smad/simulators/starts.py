@@ -125,7 +125,7 @@ class Starts:
             for n, y in measured.items()
         }
 
-    def at(self, k: int) -> tuple[Mapping[str, float], Mapping[str, float]]:
+    def start_of(self, k: int) -> tuple[Mapping[str, float], Mapping[str, float]]:
         """NAME and NAME_rate of every output at sample k, and what they may be off by."""
         start: dict[str, float] = {}
         off: dict[str, float] = {}
@@ -196,6 +196,6 @@ class Windows:
         free = 2 * len(self._outputs) * len(edges) <= _MOST_FREE
         out = []
         for a, b in pairwise([*edges, len(t_s)]):
-            start, off = starts.at(int(np.searchsorted(whole.t_s, t_s[a])))
+            start, off = starts.start_of(int(np.searchsorted(whole.t_s, t_s[a])))
             out.append(Window(a, b, MappingProxyType(dict(start)), off if free else {}))
         return out

@@ -94,10 +94,10 @@ def test_fitted_constants_make_the_right_rivals_likelier_than_others_do(c: Const
     assert all(x.said(c).noticed for x in some if x.truth == LISTED)
 
 
-def test_what_is_told_holds_the_truth_as_often_as_it_should(c: Constants) -> None:
+def test_what_is_reported_holds_the_truth_as_often_as_it_should(c: Constants) -> None:
     some = cases(ALL)
     said = [x.said(c) for x in some if x.truth in (LISTED, UNLISTED)]
-    assert all(s.told_places(c.credible_level) & s.case_rivals.places for s in said)
+    assert all(s.reported_places(c.credible_level) & s.case_rivals.places for s in said)
 
 
 def test_an_effect_that_parameters_imitate_says_nothing_of_the_constants(c: Constants) -> None:
@@ -163,8 +163,8 @@ def bank(folder: Path, name: str = "dev") -> tuple[Path, Path]:
     (folder / "key").mkdir()
     path = folder / "key" / "KEY.json"
     path.write_text(json.dumps({"format": "smad-key-1", "bank": name, "cases": key}))
-    told = {"format": "smad-verdicts-3", "bank": name, "key_sha256": digest(path)}
-    (folder / "v.json").write_text(json.dumps(told | {"verdicts": verdicts}))
+    reported = {"format": "smad-verdicts-3", "bank": name, "key_sha256": digest(path)}
+    (folder / "v.json").write_text(json.dumps(reported | {"verdicts": verdicts}))
     return folder / "v.json", path
 
 
@@ -179,7 +179,7 @@ def test_banks_of_both_kinds_become_a_file_of_constants_and_a_diagram(
     assert "each bench by constants from the others" in capsys.readouterr().out
     kept = msgspec.json.decode(result.read_bytes(), type=Result)
     assert [r[0] for r in kept.tables["Scores"].rows][:2] == [
-        "quiet benches called changed", "parameters told as such",
+        "quiet benches called changed", "parameters reported as such",
     ]  # fmt: skip
     page = with_reliability("a\n<!-- reliability -->\n<!-- end of reliability -->\nb\n", kept)
     assert "Probability of the likeliest place" in page

@@ -14,14 +14,14 @@ from evaluation.quiz.session import Order, investigated
 from smad.checkup.investigation import Record, Report
 from smad.checkup.store import SCHEMA, About
 from smad.diagnosis.verdict import CAUSES, CHECK_UP, Verdict
-from tests.evaluation.told import effect_told
+from tests.evaluation.reported import effect_reported
 
 ANSWER = {"seed": 7, "effects": [{"name": "rtd_lag", "listed": True, "places": ["reading_rtd"]}]}
 VERDICT = Verdict(
     question=CHECK_UP,
     outcome=CAUSES,
     headline="the reading of the RTD has changed",
-    causes=[effect_told("rtd_lag", "reading_rtd")],
+    causes=[effect_reported("rtd_lag", "reading_rtd")],
 )
 
 
@@ -150,7 +150,7 @@ def test_an_end_is_right_when_it_says_what_there_is(case: dict[str, Any], said: 
 
 
 def test_the_table_counts_ends_of_listed_and_other_effects() -> None:
-    other = ended("causes", "x") | {"place": "film", "told_places": ["film", "reading_rtd"]}
+    other = ended("causes", "x") | {"place": "film", "reported_places": ["film", "reading_rtd"]}
     cases = [ended("causes", "rtd_lag"), other, ended("causes", listed=False)]
     rows = {row[0]: row for row in ends.table(cases).rows}
     assert [r for r in rows if r.startswith("all")] == [

@@ -84,7 +84,7 @@ def test_a_candidate_keeps_to_its_time_and_to_the_limits_at_every_corner() -> No
 
 
 @pytest.mark.parametrize("arguments", [["--of", "nowhere"], ["--candidates", "1", "--runs", "2"]])
-def test_a_design_that_cannot_be_made_is_told_in_one_sentence(
+def test_a_design_that_cannot_be_made_is_reported_in_one_sentence(
     arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:

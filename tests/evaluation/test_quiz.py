@@ -142,8 +142,8 @@ def test_the_answer_is_opened_only_if_it_is_the_sealed_one(
     drawn = quiz.begin(12, note)
     assert drawn.active[0].name not in note.read_text()
     main(["reveal", "--note", str(note)])
-    told = json.loads(capsys.readouterr().out)
-    assert told["effects"][0]["name"] == drawn.active[0].name
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["effects"][0]["name"] == drawn.active[0].name
     note.write_text(json.dumps(json.loads(note.read_text()) | {"seed": 13}))
     with pytest.raises(QuizError, match="has changed"):
         quiz.reveal(note)

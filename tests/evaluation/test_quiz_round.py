@@ -103,8 +103,8 @@ async def test_a_round_goes_from_the_wire_to_run_logs_and_then_the_answer_opens(
     assert run.t_s[-1] - run.t_s[0] > 30.0
 
     main(["reveal", "--note", str(note)])
-    told = capsys.readouterr().out
-    answer = json.loads(told)
+    reported = capsys.readouterr().out
+    answer = json.loads(reported)
     text = json.dumps(answer, sort_keys=True, ensure_ascii=False)
     assert hashlib.sha256(text.encode()).hexdigest() == sealed
     assert answer["effects"][0]["name"] == "rtd_lag"

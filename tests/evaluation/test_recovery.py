@@ -25,7 +25,7 @@ from evaluation.recovery.running import answered, begun, read
 from evaluation.recovery.scores import first_name, identifiable, near, tables
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.verdict import CAUSES, CHANGED, CHECK_UP, DIFFERS, SignalGap, Verdict
-from tests.evaluation.told import effect_told
+from tests.evaluation.reported import effect_reported
 
 LAG = {"rtd_lag": {"tau_s": 0.6, "y_share": 1.0}}
 
@@ -84,9 +84,9 @@ def test_parameters_change_between_good_runs_and_now_only_where_that_is_the_ques
         assert (good == now) == same
 
 
-def told(case: Case, *names: str, left: float = 0.7, parameters: float = 9.0) -> Answer:
+def reported(case: Case, *names: str, left: float = 0.7, parameters: float = 9.0) -> Answer:
     """An answer that tells some effects."""
-    causes = [effect_told(name, "reading_rtd", gap=left) for name in names]
+    causes = [effect_reported(name, "reading_rtd", gap=left) for name in names]
     whole = SignalGap(
         signal="all",
         unit="floors",
@@ -107,20 +107,20 @@ def single(name: str, kind: str = SINGLE) -> Case:
 
 def test_scores_are_given_with_and_without_what_parameters_imitate() -> None:
     answers = [
-        told(single("a"), "rtd_lag"),
-        told(single("b"), parameters=1.1),
-        told(single("c"), "rtd_offset", left=5.0),
-        told(single("d", NONE)),
-        told(single("e", NONE), "rtd_lag"),
+        reported(single("a"), "rtd_lag"),
+        reported(single("b"), parameters=1.1),
+        reported(single("c"), "rtd_offset", left=5.0),
+        reported(single("d", NONE)),
+        reported(single("e", NONE), "rtd_lag"),
         Answer(case=single("f", NONE), error="broken"),
     ]
     found = tables(answers)
     rows = {r[0]: r for r in found["Recovery, differs"].rows}
-    assert rows["right name told"][1].startswith("0.33")
-    assert rows["right name told"][3].startswith("0.50")
-    assert (rows["right name told"][2], rows["right name told"][4]) == ("3", "2")
+    assert rows["right name reported"][1].startswith("0.33")
+    assert rows["right name reported"][3].startswith("0.50")
+    assert (rows["right name reported"][2], rows["right name reported"][4]) == ("3", "2")
     assert rows["nothing called something"][1].startswith("0.67")
-    wrong = found["Recovery, differs: wrong, missed or cannot be told"].rows
+    wrong = found["Recovery, differs: wrong, missed or indistinguishable"].rows
     assert [r[0] for r in wrong] == ["b", "c", "e", "f"]
     apart = {r[0]: r[1:3] for r in found["Recovery, differs: single effects apart"].rows}
     assert apart["typical strength"] == ("3", "1")
@@ -141,7 +141,7 @@ def test_a_bank_goes_on_from_its_file_and_tries_failed_cases_again(tmp_path: Pat
     def work(case: Case, seed: int) -> Answer:
         asked.append(case.name)
         broken = case.name == "b" and asked.count("b") == 1
-        return Answer(case=case, error="broken") if broken else told(case, "rtd_lag")
+        return Answer(case=case, error="broken") if broken else reported(case, "rtd_lag")
 
     cases = [single(n) for n in "abc"]
     with ThreadPoolExecutor(1) as pool:

@@ -178,8 +178,8 @@ def test_progress_tells_the_time_left_from_the_cases_of_this_run(
     ticks = iter([1000.0, 1600.0, 2200.0, 2800.0])
     monkeypatch.setattr("time.monotonic", lambda: next(ticks))
     run(order, counting([]))
-    told = [line.split("[")[1] for line in capsys.readouterr().out.splitlines()]
-    assert told == ["2/4, 20 min left]", "3/4, 10 min left]", "4/4, 0 min left]"]
+    reported = [line.split("[")[1] for line in capsys.readouterr().out.splitlines()]
+    assert reported == ["2/4, 20 min left]", "3/4, 10 min left]", "4/4, 0 min left]"]
 
 
 def die_on(check: Check, case: Case, made_of: str, cases: tuple[str, ...]) -> Judged:

@@ -42,7 +42,7 @@ def true(kind: str, *effects: Any, floors: float = 3.0, **more: Any) -> dict[str
 
 
 def cause(
-    code: str, name: str = "", p: float = 0.9, told: tuple[str, ...] = (), **more: Any
+    code: str, name: str = "", p: float = 0.9, reported: tuple[str, ...] = (), **more: Any
 ) -> dict[str, Any]:
     """A cause at a place; `p` is the probability of its name over all rivals."""
     return {
@@ -52,7 +52,7 @@ def cause(
         "probability": 0.9,
         "names": {name: 1.0} if name else {},
         "outside": 1.0 - p if name else 1.0,
-        "credible_places": [code, *told],
+        "credible_places": [code, *reported],
         **more,
     }
 
@@ -70,8 +70,8 @@ def written(
     """A file of answers and a key that belong together."""
     path = folder / "KEY.json"
     path.write_text(json.dumps({"format": "smad-key-1", "bank": bank, "cases": key}))
-    told = {"format": "smad-verdicts-3", "bank": bank, "key_sha256": digest(path)}
-    (folder / "answers.json").write_text(json.dumps(told | {"verdicts": answers}))
+    reported = {"format": "smad-verdicts-3", "bank": bank, "key_sha256": digest(path)}
+    (folder / "answers.json").write_text(json.dumps(reported | {"verdicts": answers}))
     return folder / "answers.json", path
 
 
@@ -90,7 +90,7 @@ def test_places_and_names_are_counted_against_the_truth(tmp_path: Path) -> None:
             "a": (true("single", LAG), said(cause("reading_rtd", "rtd_lag"))),
             "b": (
                 true("single", LAG),
-                said(cause("resistance", "phase_resistivity", told=("reading_rtd",))),
+                said(cause("resistance", "phase_resistivity", reported=("reading_rtd",))),
             ),
             "c": (true("single", LAG), said(cause("reading_rtd", "rtd_lag", p=0.4))),
             "d": (true("unknown", PICKUP), said(cause("reading_rtd", "rtd_lag", p=0.4))),
@@ -102,12 +102,12 @@ def test_places_and_names_are_counted_against_the_truth(tmp_path: Path) -> None:
     value = {name: (row.value, row.count) for name, row in found.items()}
     assert value["place right first, listed"] == (pytest.approx(2 / 3), 3)
     assert value["place right first, unlisted"] == (1.0, 1)
-    assert value["told places hold the truth, listed"] == (1.0, 3)
-    assert found["told places, mean number"].value == pytest.approx(5 / 4)
+    assert value["reported places hold the truth, listed"] == (1.0, 3)
+    assert found["reported places, mean number"].value == pytest.approx(5 / 4)
     assert value["right name first, of noticed listed"] == (pytest.approx(2 / 3), 3)
-    assert value["right name told, of noticed listed"] == (pytest.approx(1 / 3), 3)
-    assert value["right name, of names told"] == (0.5, 2)
-    assert value["unlisted told by name"] == (0.0, 1)
+    assert value["right name reported, of noticed listed"] == (pytest.approx(1 / 3), 3)
+    assert value["right name, of names reported"] == (0.5, 2)
+    assert value["unlisted reported by name"] == (0.0, 1)
     assert value["noticed near 1 floor"] == (0.0, 1)
     assert value["noticed near 3 floors"] == (1.0, 4)
     assert value["quiet benches called changed"] == (0.0, 1)
@@ -160,17 +160,19 @@ def test_a_pair_wants_both_places_and_both_names(tmp_path: Path) -> None:
          "c": (true("pair", LAG, DRAG), said(cause("film")))},
     )  # fmt: skip
     assert found["pairs: both places among the first three"].value == pytest.approx(2 / 3)
-    assert found["pairs: both names told"].value == pytest.approx(1 / 3)
+    assert found["pairs: both names reported"].value == pytest.approx(1 / 3)
 
 
 def test_of_differs_the_added_effect_and_the_plants_own_are_looked_for(tmp_path: Path) -> None:
     own = [{"places": ["film"]}, {"places": ["heat_into_water", "reading_rtd"]}]
     whole = {"parameters": 30.0, "causes": [20.0, 12.0, 10.0]}
-    told = said(cause("film"), cause("resistance"), cause("reading_rtd", "rtd_lag"), whole=whole)
+    reported = said(
+        cause("film"), cause("resistance"), cause("reading_rtd", "rtd_lag"), whole=whole
+    )
     found = rows(
         tmp_path,
         {
-            "a": (true("differs", LAG, question="differs", own=own), told),
+            "a": (true("differs", LAG, question="differs", own=own), reported),
             "b": (true("differs", question="differs", own=own), said(cause("film"))),
         },
     )
@@ -178,16 +180,18 @@ def test_of_differs_the_added_effect_and_the_plants_own_are_looked_for(tmp_path:
     assert value["added effect's place among the first three"] == (1.0, 1)
     assert value["added effect's entry named first at its place"] == (1.0, 1)
     assert value["own differences among the first four places"] == (0.75, 2)
-    assert value["causes told where something differs"] == (0.75, 4)
+    assert value["causes reported where something differs"] == (0.75, 4)
     assert value["floors left by parameters alone, median"] == (30.0, 1)
-    assert value["floors left with what is told, median"] == (10.0, 1)
+    assert value["floors left with what is reported, median"] == (10.0, 1)
 
 
-def test_without_the_right_entry_its_place_may_still_be_told_but_no_name(tmp_path: Path) -> None:
+def test_without_the_right_entry_its_place_may_be_reported_but_no_name(
+    tmp_path: Path,
+) -> None:
     less = {"rtd_lag": {"outcome": "causes", "places": ["reading_rtd"], "name": "channel_delay"}}
     found = rows(tmp_path, {"a": (true("single", LAG), said(left_out=less))})
-    assert found["left out: its place still told"].value == 1.0
-    assert found["left out: told by name all the same"].value == 1.0
+    assert found["left out: its place still reported"].value == 1.0
+    assert found["left out: reported by name all the same"].value == 1.0
 
 
 def test_probabilities_of_places_are_compared_with_how_often_they_are_right(tmp_path: Path) -> None:
@@ -220,7 +224,7 @@ def test_questions_have_goals_of_their_own_and_tables_beside(tmp_path: Path) -> 
     goals = {h: {r[0]: r[3:] for r in t.rows} for h, t in found.items() if h.startswith("Scores")}
     assert goals["Scores, check-up"]["noticed near 3 floors"] == ("≥ 0.97", "yes")
     assert goals["Scores, changed"]["noticed near 3 floors"] == ("≥ 0.75", "yes")
-    assert goals["Scores, changed"]["pairs: both names told"] == ("", "")
+    assert goals["Scores, changed"]["pairs: both names reported"] == ("", "")
     rules = found["By likelihood alone: right name first, of noticed listed"].rows
     assert [r[1][:4] for r in rules] == ["1.00", "0.00"]
     assert [r[0] for r in found["Wrong or missed"].rows] == ["b"]
@@ -238,8 +242,8 @@ def test_answers_to_another_bank_or_to_strange_cases_are_refused(tmp_path: Path)
 
 def test_processor_time_is_that_of_the_case_where_it_was_measured(tmp_path: Path) -> None:
     answers, key = written(tmp_path, {"a": true("none")}, {"a": QUIET})
-    told = json.loads(answers.read_text()) | {"tool": {"name": "smad", "cpu_s": {"a": 1.25}}}
-    answers.write_text(json.dumps(told))
+    reported = json.loads(answers.read_text()) | {"tool": {"name": "smad", "cpu_s": {"a": 1.25}}}
+    answers.write_text(json.dumps(reported))
     assert read_pairs(answers, key)[1][0].said.seconds == 1.25
 
 

@@ -48,9 +48,9 @@ class Changes:
     def rows(self, evidence: Evidence, effects: Sequence[Effect]) -> tuple[Change, ...]:
         """The changes by some effects as rows of evidence of the same runs."""
         names, asked = {effect.name for effect in effects}, values_asked(self.effects)
-        kept = [k for k, (effect, _) in enumerate(asked) if effect.name in names]
-        rows = evidence.rows([run[kept].astype(np.float64) for run in self.runs]).astype(np.float32)
-        pairs = zip((asked[k] for k in kept), rows, strict=True)
+        used = [k for k, (effect, _) in enumerate(asked) if effect.name in names]
+        rows = evidence.rows([run[used].astype(np.float64) for run in self.runs]).astype(np.float32)
+        pairs = zip((asked[k] for k in used), rows, strict=True)
         return tuple(Change(effect=e, values=values, rows=r) for (e, values), r in pairs)
 
 

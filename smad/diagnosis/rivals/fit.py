@@ -228,7 +228,7 @@ class _Round:
     weight: Array
     offset: float
 
-    def at(self, x: Array) -> _Iterate | None:
+    def iterate_at(self, x: Array) -> _Iterate | None:
         """The iterate at coordinates `x`; None where the model fails."""
         exact = self.shift is None
         predicted = replayed(self.evidence, self.model.point(x), self.model, exact=exact)
@@ -257,7 +257,7 @@ class _Round:
             best = iterate
             # The weights lag behind the fit: a step that gains more than predicted was too short.
             for times in _LONGER:
-                moved = self.at(np.clip(iterate.x + times * step, low, high))
+                moved = self.iterate_at(np.clip(iterate.x + times * step, low, high))
                 if moved is None or not moved.value < best.value:
                     break
                 best = moved
@@ -292,7 +292,7 @@ def fit(
     first = _Round(
         evidence=evidence, model=model, shift=shift, weight=evidence.valid, offset=offset
     )
-    iterate = first.at(np.clip(start, low, high))
+    iterate = first.iterate_at(np.clip(start, low, high))
     if iterate is None:
         return None
     parts = range(model.parameters, len(start))

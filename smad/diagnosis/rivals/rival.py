@@ -349,9 +349,9 @@ def _of_all_rows(evidence: Evidence, values: Sequence[Array]) -> Predicted:
 def stitched(evidence: Evidence, predicted: Sequence[Predicted]) -> list[Array]:
     """The out-of-sample prediction of every row in one array (bins, channels) for each run."""
     out = list(predicted[0].values)
-    for one in predicted[1:]:
+    for fold in predicted[1:]:
         for k, span in enumerate(evidence.spans):
-            out[k] = np.where(one.rows[span].reshape(out[k].shape), one.values[k], out[k])
+            out[k] = np.where(fold.rows[span].reshape(out[k].shape), fold.values[k], out[k])
     return out
 
 

@@ -35,7 +35,7 @@ class Precision:
     covariances: dict[Fit, Array] = field(default_factory=dict)
 
     @classmethod
-    def at(cls, evidence: Evidence, fitted: Fit) -> Precision:
+    def at_fit(cls, evidence: Evidence, fitted: Fit) -> Precision:
         """With slopes computed at the coordinates of a fit."""
         slopes = _central_slopes(evidence, fitted, range(fitted.model.parameters))
         return cls(evidence=evidence, parameter_slopes=slopes)
@@ -52,8 +52,8 @@ class Precision:
 
     def _covariance(self, fitted: Fit) -> Array:
         e, p = self.evidence, fitted.model.parameters
-        own = _central_slopes(e, fitted, range(p, len(fitted.x)))
-        slopes = np.concatenate([self.parameter_slopes, own])
+        of_part = _central_slopes(e, fitted, range(p, len(fitted.x)))
+        slopes = np.concatenate([self.parameter_slopes, of_part])
         matrix = _inverse_curvature(e, fitted, slopes)
         without_one = np.array(leave_out(e, replace(fitted, slopes=slopes)))
         scatter = (len(without_one) - 1) * without_one.var(axis=0)
@@ -80,16 +80,16 @@ def _central_slopes(evidence: Evidence, fitted: Fit, which: Sequence[int]) -> Ar
     if base is None:
         return out
     for row, i in enumerate(which):
-        found: list[tuple[float, Array]] = []
+        slopes: list[tuple[float, Array]] = []
         for step in steps[i] * np.array(_STEPS):
             moved = x.copy()
             moved[i] += step
-            if len(found) == 2 or not low[i] <= moved[i] <= high[i]:
+            if len(slopes) == 2 or not low[i] <= moved[i] <= high[i]:
                 continue
             predicted = replayed(evidence, model.point(moved), model, exact=True)
             if predicted is not None:
-                found.append((step, evidence.change(predicted, base) / step))
-        if len(found) == 2:
-            (a, slope_a), (b, slope_b) = found
+                slopes.append((step, evidence.change(predicted, base) / step))
+        if len(slopes) == 2:
+            (a, slope_a), (b, slope_b) = slopes
             out[row] = (b * slope_a - a * slope_b) / (b - a)
     return out

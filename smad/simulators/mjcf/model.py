@@ -175,7 +175,7 @@ class MujocoModel:
         turns = field.kind == "joint" and self.model.jnt_type[number] == self.hinge
         return field.units[0 if turns or field.kind != "joint" else 1]
 
-    def at(self, values: Mapping[str, float]) -> Any:
+    def with_values(self, values: Mapping[str, float]) -> Any:
         """The model with these values in it; it stays so until the next call."""
         for name, compiled in self._as_compiled.items():
             getattr(self.model, name)[:] = compiled
@@ -203,7 +203,7 @@ class MujocoModel:
         """Outputs of the map at times `t`."""
         with self._lock:
             grid, pieces = self._grid(t)
-            m = self.at(values)
+            m = self.with_values(values)
             m.opt.timestep = float(grid[1]) / pieces if len(grid) > 1 else self._step_s
             self._begin(start)
             outputs = self._rolled(self._control(t, grid, inputs), pieces)

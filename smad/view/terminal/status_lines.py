@@ -134,7 +134,8 @@ def _realtime(now: Status) -> Iterator[str]:
     yield labelled(
         "daemon",
         f"smad {now.version}, process {now.pid}, up {now.uptime_s:.0f} s, "
-        f"{now.memory_MiB:.0f} MiB, {now.counts.commands} commands, {now.counts.refused} refused",
+        f"{now.memory_MiB:.0f} MiB, {counted(now.counts.commands, 'command')}, "
+        f"{now.counts.refused} refused",
     )
 
 

@@ -3,6 +3,7 @@
 import asyncio
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from campaign.virtual import Refused
@@ -13,7 +14,6 @@ from sim_device.faults import injection
 from smad.control.controller import Output
 from smad.control.sample import Sample
 from smad.daemon.link.port import SocketTransport
-from smad.runlog.rows import row_of
 from smad.runlog.schema import CHANNELS
 from tests.smad.daemon.rig import rig_in
 
@@ -50,21 +50,30 @@ async def test_a_step_is_followed_and_recorded_samples_say_so(tmp_path: Path) ->
         assert motion["displacement_mm"] == pytest.approx(5.0, abs=0.5)
         last = rig.axis.control.last
         assert last is not None
-        row = row_of(
-            last.sample,
-            last.state,
-            last.setpoint,
-            host_time_s=0.0,
-            reference_m=last.reference_m,
-            reference_degC=last.reference_degC,
-            pump_starts=last.pump_starts,
-        )
+        row = last.row(degrees_per_mm=6.25)
         assert row.displacement_mm == pytest.approx(motion["displacement_mm"], abs=0.1)
         assert {name for name in CHANNELS if getattr(row, name) is None} == {"stage_mm"}
-        assert len(repr(row.displacement_mm)) <= len("-9.999999")
         assert row.pump_starts_x == 0
         assert row.pump_starts_y in (1, 2, 3)
         assert row.angle_deg == pytest.approx(6.25 * (row.displacement_mm or 0.0))
+
+
+async def test_a_row_has_the_digits_that_the_board_measured(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run(10)
+        last = rig.axis.control.last
+        assert last is not None
+        last.sample = msgspec.structs.replace(
+            last.sample,
+            displacement_m=148 * 1e-6,
+            force_N=1648 * 1e-3,
+            v_V=(814 * 1e-3, 3030 * 1e-3),
+            i_meas_A=(2752 * 1e-3, 4004 * 1e-3),
+        )
+        row = last.row(degrees_per_mm=6.25)
+    assert (row.displacement_mm, row.force_N) == (0.148, 1.648)
+    assert (row.v_x_V, row.v_y_V) == (0.814, 3.03)
+    assert (row.i_meas_x_A, row.i_meas_y_A) == (2.752, 4.004)
 
 
 async def test_the_newest_of_several_samples_is_acted_on_and_the_others_are_counted(

@@ -885,8 +885,8 @@ def test_a_run_that_begins_with_a_step_begins_at_rest() -> None:
     for _ in range(20):
         read = angle + 1e-3 * rng.standard_normal(400)
         starts = Starts(GapRun("a", t_s, {}, {"angle_rad": read}), ("angle_rad",))
-        rates.append(starts.at(0)[0]["angle_rad_rate"])
-        assert starts.at(200)[0]["angle_rad_rate"] == pytest.approx(10.0, abs=0.1)
+        rates.append(starts.start_of(0)[0]["angle_rad_rate"])
+        assert starts.start_of(200)[0]["angle_rad_rate"] == pytest.approx(10.0, abs=0.1)
     assert abs(np.mean(rates)) < 0.2
 
 

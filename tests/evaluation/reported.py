@@ -5,7 +5,7 @@ from __future__ import annotations
 from smad.diagnosis.verdict import Cause
 
 
-def effect_told(name: str, place: str, *, gap: float = 1.0) -> Cause:
+def effect_reported(name: str, place: str, *, gap: float = 1.0) -> Cause:
     """An effect of the library that is sure by name and place."""
     return Cause(
         kind="effect",
