@@ -126,13 +126,13 @@ def test_scores_are_given_with_and_without_what_parameters_imitate() -> None:
     assert apart["typical strength"] == ("3", "1")
 
 
-def test_a_pair_cannot_be_told_where_one_of_it_leaves_nothing_to_see() -> None:
+def test_a_pair_cannot_be_reported_where_one_of_it_leaves_nothing_to_see() -> None:
     effects = LAG | {"force_gain": {"gain": 0.1}}
     pair = Case(name="a", question=DIFFERS, kind=PAIR, seed=1, effects=effects, strength=1.0)
-    assert not identifiable(told(pair, "rtd_lag", left=0.7))
-    assert identifiable(told(pair, "rtd_lag", left=2.0))
-    assert identifiable(told(pair, "tube_friction", left=0.7))
-    assert not identifiable(told(pair, parameters=1.1))
+    assert not identifiable(reported(pair, "rtd_lag", left=0.7))
+    assert identifiable(reported(pair, "rtd_lag", left=2.0))
+    assert identifiable(reported(pair, "tube_friction", left=0.7))
+    assert not identifiable(reported(pair, parameters=1.1))
 
 
 def test_a_bank_goes_on_from_its_file_and_tries_failed_cases_again(tmp_path: Path) -> None:
