@@ -33,14 +33,14 @@ import click
 
 from bench.daemon import REFRESH_S, SETTLE_S, Result, Row, memory_over, percentile
 from bench.programs import ARM_DEADLINE_S, Case, Programs, hurry
-from bench.stop_latency import STOPPER_PRIORITY
+from bench.stop_latency import STOPPER_PRIORITY, armed_and_driven
 from campaign.rig import BAUD, rig_config
 from smad.api import Status
-from smad.client import Client, Refused
+from smad.client import Client
 from smad.client.arming import arm_when_allowed
 from smad.config import AxisConfig, LinkConfig, RealtimeConfig
 from smad.config.axes import USUAL_NAMES
-from smad.control.commands import DriveCurrent, Sine
+from smad.control.commands import Sine
 from smad.daemon.trace import load
 
 PERIOD_S = 2.0
@@ -230,7 +230,7 @@ def stops_ms(bench: AxesBench, stops: int) -> list[float]:
                 Client(folder=folder, timeout_s=60.0) as third,
             ):
                 for n in range(stops):
-                    _drive(owner, tuple(bench.ports))
+                    armed_and_driven(owner, tuple(bench.ports))
                     time.sleep(0.02 + 0.01 * (n * 0.618 % 1.0))
                     began_s = time.perf_counter()
                     motion = third.disarm()
@@ -241,23 +241,6 @@ def stops_ms(bench: AxesBench, stops: int) -> list[float]:
             with contextlib.suppress(OSError):
                 os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     return sorted(taken)
-
-
-def _drive(client: Client, axes: tuple[str, ...]) -> None:
-    """Arm as soon as the boards allow it, and drive a little, so that the springs stay cold."""
-    deadline_s = time.monotonic() + 60.0
-    while True:
-        try:
-            client.as_of(None)
-            client.arm()
-            for axis in axes:
-                client[axis].current(DriveCurrent(i_x_A=0.3))
-        except Refused:
-            if time.monotonic() > deadline_s:
-                raise
-            time.sleep(0.02)
-        else:
-            return
 
 
 def memory_rows(bench: AxesBench, minutes: float) -> list[Row]:

@@ -21,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import click
@@ -93,15 +93,16 @@ def bench_in(folder: Path, transport: str) -> Iterator[None]:
             daemon.end()
 
 
-def armed_and_driven(client: Client) -> None:
-    """Arm, trying again while the bench cools or is busy, and drive a little."""
+def armed_and_driven(client: Client, axes: Sequence[str] = ("",)) -> None:
+    """Arm, trying again while the bench cools or is busy, and drive a little: springs stay cold."""
     deadline_s = time.monotonic() + _PATIENCE_S
     while True:
         try:
             # The stops before were asked for here: this client knows of them.
             client.as_of(None)
             client.arm()
-            client.current(DriveCurrent(i_x_A=0.3))
+            for axis in axes:
+                client[axis].current(DriveCurrent(i_x_A=0.3))
         except Refused:
             if time.monotonic() > deadline_s:
                 raise

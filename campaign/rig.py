@@ -21,6 +21,7 @@ from smad.config import (
     LinkConfig,
     RealtimeConfig,
     RecorderConfig,
+    TcpConfig,
     TelemetryConfig,
     config_to_toml,
 )
@@ -117,6 +118,12 @@ class DaemonRig:
         with contextlib.suppress(ProcessLookupError):
             self.daemon.process.send_signal(signal.SIGCONT)
         self.daemon.end(signal.SIGKILL)
+
+
+def tcp_config(key: str) -> TcpConfig:
+    """Return a configuration that listens on TCP, on free ports, for the client of this key."""
+    command, stop = free_ports(2)
+    return TcpConfig(enabled=True, command_port=command, stop_port=stop, allowed_keys=(key,))
 
 
 def free_ports(count: int) -> list[int]:

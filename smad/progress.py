@@ -9,5 +9,5 @@ Share = Callable[[float], None]
 """Takes the share that is done, 0 to 1."""
 
 
-def silent(text: str) -> None:
+def silent(news: str | float) -> None:
     """Say nothing: the default of what reports."""

@@ -21,7 +21,7 @@ from msgspec import inspect as types
 from firmware_protocol.supervisor.document import PARTS as SUPERVISOR
 from smad import api
 from smad.config.describe import sections
-from smad.config.fields import info_of, kind_in_words
+from smad.config.fields import bare, info_of, kind_in_words
 from smad.control import commands
 from smad.daemon.arming import TRANSITIONS
 from smad.diagnosis.constants import Constants, shipped
@@ -215,12 +215,10 @@ def _described_fields(struct: type[Struct]) -> Iterator[tuple[str, str, str]]:
 
 
 def _described(kind: types.Type) -> tuple[str, str]:
-    description = ""
-    while isinstance(kind, types.Metadata):
-        description = description or (kind.extra_json_schema or {}).get("description", "")
-        unit = (kind.extra or {}).get("unit", "")
-        description += f" ({unit})" if unit not in ("", "1") else ""
-        kind = kind.type
+    _, meta = bare(kind)
+    unit = meta.get("unit", "")
+    description = meta.get("description", "") + (f" ({unit})" if unit not in ("", "1") else "")
+    kind = kind.type if isinstance(kind, types.Metadata) else kind
     if isinstance(kind, types.UnionType) and all(
         isinstance(member, types.StructType) for member in kind.types
     ):

@@ -16,12 +16,12 @@ import zmq
 
 from campaign.faults.smalldisk import SmallDisk
 from campaign.faults.trace import HOT, WatchedBench
-from campaign.rig import BAUD, PATIENCE_S, POLL_S, DaemonRig, free_ports, rig_config, start_daemon
+from campaign.rig import BAUD, PATIENCE_S, POLL_S, DaemonRig, rig_config, start_daemon, tcp_config
 from sim_device.faults import injection
 from sim_device.ports import PortCounts, PtyPort
 from sim_device.pty import Server
 from smad.client import Client
-from smad.config import DaemonConfig, LinkConfig, RecorderConfig, TcpConfig
+from smad.config import DaemonConfig, LinkConfig, RecorderConfig
 from smad.control.commands import DriveCurrent
 from smad.processes.daemon import SMAD
 from smad.runlog.reader import read_run
@@ -58,12 +58,13 @@ class FaultRig(DaemonRig):
         self._server = Server(self.bench, lambda: PtyPort(port, counts))
         self._thread = threading.Thread(target=self._server.run, name="bench", daemon=True)
         self._thread.start()
+        key = zmq.curve_keypair()[0].decode()
         config = rig_config(
             folder,
             str(port),
             link=LinkConfig(port=str(port), baud=BAUD, reconnect_interval_s=0.1),
             recorder=RecorderConfig(folder=str(self.runs)),
-            daemon=DaemonConfig() if descriptors is None else DaemonConfig(tcp=_tcp()),
+            daemon=DaemonConfig() if descriptors is None else DaemonConfig(tcp=tcp_config(key)),
         )
         program = ("-m", "campaign.faults.breakable_daemon", part) if part else SMAD
         super().__init__(
@@ -173,9 +174,3 @@ def rig_in(
         yield rig
     finally:
         rig.close()
-
-
-def _tcp() -> TcpConfig:
-    ports = free_ports(2)
-    key = zmq.curve_keypair()[0].decode()
-    return TcpConfig(enabled=True, command_port=ports[0], stop_port=ports[1], allowed_keys=(key,))

@@ -25,6 +25,7 @@ from smad.api import LARGEST_MESSAGE
 from smad.client import Client
 from smad.client.wire import Keys
 from smad.errors import SmadError
+from smad.progress import Say
 from smad.report.page import Table
 from smad.runlog.reader import read_run
 from smad.version import VERSION
@@ -223,7 +224,7 @@ ATTACKS: tuple[Attack, ...] = (
 )
 
 
-def run_attacks(scale: Scale, say: Callable[[str], None]) -> list[Result]:
+def run_attacks(scale: Scale, say: Say) -> list[Result]:
     """Run every attack on one daemon, one after the other.
 
     Raises SmadError when it does not come up, or does not answer its rightful client any more.

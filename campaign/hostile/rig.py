@@ -11,9 +11,9 @@ from pathlib import Path
 
 import zmq
 
-from campaign.rig import PATIENCE_S, POLL_S, DaemonRig, free_ports, rig_config, start_daemon
+from campaign.rig import PATIENCE_S, POLL_S, DaemonRig, rig_config, start_daemon, tcp_config
 from smad.client.endpoints import Connection
-from smad.config import DaemonConfig, TcpConfig
+from smad.config import DaemonConfig
 from smad.control.commands import Sine
 from smad.processes.simulator import simulated_bench
 
@@ -44,14 +44,8 @@ class HostileRig(DaemonRig):
         self.scale = scale
         self.friend = tuple(key.decode() for key in zmq.curve_keypair())
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        ports = free_ports(2)
-        tcp = TcpConfig(
-            enabled=True,
-            command_port=ports[0],
-            stop_port=ports[1],
-            allowed_keys=(self.friend[0],),
-        )
-        config = rig_config(folder, port, daemon=DaemonConfig(tcp=tcp))
+        daemon = DaemonConfig(tcp=tcp_config(self.friend[0]))
+        config = rig_config(folder, port, daemon=daemon)
         super().__init__(folder, start_daemon(folder, config, scale.patience))
         self.slowest_s = 0.0
         self._heard_until = 0

@@ -346,12 +346,11 @@ class Night:
         self._until(armed, "the queue can be armed")
 
     def _until(self, done: Callable[[], bool], what: str) -> None:
-        deadline_s = time.monotonic() + _PATIENCE_S
-        while not done():
+        def pause() -> None:
             self._pass_time()
-            if time.monotonic() > deadline_s:
-                raise SmadError(f"waited in vain until {what}", action=f"see {self._rig.folder}")
             time.sleep(_POLL_S)
+
+        self._rig.wait(what, done, _PATIENCE_S, pause)
 
     def _note_paused(self) -> None:
         """Note which troubles ended their item: before the night's end interrupts the last one.

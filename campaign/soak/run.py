@@ -218,15 +218,12 @@ class Soak:
         self._wait(lambda status: status["motion"]["mode"] == "SAFE")
 
     def _wait(self, done: Callable[[dict[str, Any]], bool]) -> None:
-        deadline_s = time.monotonic() + _PATIENCE_S
-        while not done(self._caller.call(api.GetStatus()).result):
-            if time.monotonic() > deadline_s:
-                raise DaemonError(
-                    "the bench of the soak did not come to the state it had to",
-                    limit=f"{_PATIENCE_S:g} s",
-                    action=f"see {self._rig.daemon.log}",
-                )
-            time.sleep(_TURN_S)
+        self._rig.wait(
+            "the bench comes to the state that it has to",
+            lambda: done(self._caller.call(api.GetStatus()).result),
+            _PATIENCE_S,
+            lambda: time.sleep(_TURN_S),
+        )
 
     def _read_slowly(self) -> None:
         if self._slow.poll(0):

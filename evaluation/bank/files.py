@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.errors import BankError
+from smad.files import replacing, write_whole
 
 Array = NDArray[np.float64]
 Log = dict[str, Array]
@@ -62,24 +63,13 @@ def write_run(path: Path, log: Log) -> None:
     columns = {name: np.asarray(log[name], float) for name in UNITS}
     if path.suffix == ".parquet":
         table = pa.table({n: pa.array(v, from_pandas=True) for n, v in columns.items()})
-        partial = _partial(path)
-        pq.write_table(table, partial, compression="zstd", compression_level=6)
-        partial.replace(path)
+        with replacing(path) as partial:
+            pq.write_table(table, partial, compression="zstd", compression_level=6)
         return
     text = io.StringIO()
     text.write(",".join(columns) + "\n")
     np.savetxt(text, np.stack(list(columns.values()), axis=1), delimiter=",", fmt="%.6f")
-    _write_whole(path, gzip.compress(text.getvalue().encode(), mtime=0))
-
-
-def _partial(path: Path) -> Path:
-    return path.with_name(path.name + ".part")
-
-
-def _write_whole(path: Path, data: bytes) -> None:
-    partial = _partial(path)
-    partial.write_bytes(data)
-    partial.replace(path)
+    write_whole(path, gzip.compress(text.getvalue().encode(), mtime=0))
 
 
 def read_run(path: Path) -> Log:
@@ -126,7 +116,7 @@ def digest(path: Path) -> str:
 def write_json(path: Path, value: Any) -> None:
     """Write JSON so that the same value always gives the same bytes."""
     text = json.dumps(value, indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False)
-    _write_whole(path, f"{text}\n".encode())
+    write_whole(path, f"{text}\n")
 
 
 def read_json(path: Path) -> Any:

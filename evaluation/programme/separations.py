@@ -9,7 +9,7 @@ law of any coefficients and the parameters move within their priors. No law's fo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from smad.diagnosis.data.played import Played, predictions, slopes
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Candidate, Responses, candidate_laws, responses
 from smad.diagnosis.plant import Array, ModelPoint, PlantModel, nominal_point
+from smad.progress import Say, silent
 
 WATER_DEGC = 27.0
 _HIGHEST_ORDER = 2
@@ -240,7 +241,7 @@ def design(
     duration_s: float,
     candidates: int,
     seed: int,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> tuple[Programme, Separations, Separations]:
     """The programme with its separations, and those of its quick part."""
     safe_runs = []

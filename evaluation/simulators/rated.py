@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from evaluation.simulators.plants import SAMPLES, RatedPlant
 from smad.diagnosis.plant import Array, Effect, ModelPoint
 from smad.diagnosis.runs import GapRun
+from smad.progress import Say
 from smad.simulators import diagnose, plan
 from smad.simulators.bind import bind
 from smad.simulators.rating import IDENTIFIABLE, NOT, Rating
@@ -30,7 +31,7 @@ class Case:
     first: str
 
 
-def cases(plant: RatedPlant, count: int, seed: int, say: Callable[[str], None]) -> Iterator[Case]:
+def cases(plant: RatedPlant, count: int, seed: int, say: Say) -> Iterator[Case]:
     """`count` cases in all, identifiable ones first by turns, each on inputs of its own."""
     number = 0
     for k in range(count):

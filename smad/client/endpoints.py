@@ -14,6 +14,7 @@ import msgspec
 from msgspec import Struct
 
 from smad.errors import DaemonError, refused_by_system
+from smad.files import replacing
 
 FOLDER_VARIABLE = "SMAD_RUNTIME_DIR"
 SYSTEM_FOLDER = Path("/run/smad")
@@ -154,12 +155,11 @@ def new_key_file(path: Path) -> tuple[bytes, bytes]:
 
 def write_connection(path: Path, connection: Connection, umask: int) -> None:
     """Write the connection file in one piece. Raises DaemonError when that is not possible."""
-    draft = path.with_suffix(".json.new")
     text = msgspec.json.format(msgspec.json.encode(connection), indent=2) + b"\n"
     action = "remove what is in its place, or set daemon.ipc_dir to a folder of your own"
-    with refused_by_system(DaemonError, f"cannot write the connection file {path}", action=action):
+    cause = f"cannot write the connection file {path}"
+    with refused_by_system(DaemonError, cause, action=action), replacing(path) as draft:
         write_anew(draft, text, umask)
-        draft.replace(path)
 
 
 def read_connection(path: Path) -> Connection | None:

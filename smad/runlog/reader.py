@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from smad import notebook
 from smad.counted import counted
 from smad.errors import RunLogError
-from smad.progress import Share
+from smad.progress import Share, silent
 from smad.runlog import open_logs
 from smad.runlog.bounds import MOST_LOG_BYTES, MOST_LOG_ROWS
 from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.holes import HOLES, RECOVERED_METADATA_NAME
-from smad.runlog.scan import Damage, NotMcapError, no_progress, scan
+from smad.runlog.scan import Damage, NotMcapError, scan
 from smad.runlog.schema import (
     CHANNELS,
     CUT,
@@ -125,7 +125,7 @@ def recorded(column: Column) -> NDArray[np.bool_]:
     return np.asarray(column != MISSING_INTEGER)
 
 
-def read_axes(path: str | Path, *, progress: Share = no_progress) -> dict[str, Run]:
+def read_axes(path: str | Path, *, progress: Share = silent) -> dict[str, Run]:
     """Every axis in the file at `path` by its name; of a bench of one axis, that under "".
 
     Raises RunLogError as `read_run` does.
@@ -134,7 +134,7 @@ def read_axes(path: str | Path, *, progress: Share = no_progress) -> dict[str, R
     return {name: read_run(path, axis=name, progress=progress) for name in names}
 
 
-def read_run(path: str | Path, *, axis: str = "", progress: Share = no_progress) -> Run:
+def read_run(path: str | Path, *, axis: str = "", progress: Share = silent) -> Run:
     """Read the run in the file at `path` as far as possible; with several axes, that of `axis`.
 
     A log of this axis alone is accepted, too. `progress` is called now and then with the share of

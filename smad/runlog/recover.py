@@ -13,11 +13,11 @@ import msgspec
 from mcap import records
 
 from smad.errors import RunLogError, refused_by_system
-from smad.progress import Share
+from smad.progress import Share, silent
 from smad.runlog import open_logs
 from smad.runlog.holes import HOLES, RECOVERED_METADATA_NAME, holes_in, words
 from smad.runlog.mcap_file import CHANNEL_IDS, ROWS_METADATA_NAME, McapFile, pack
-from smad.runlog.scan import Damage, Message, NotMcapError, no_progress, scan
+from smad.runlog.scan import Damage, Message, NotMcapError, scan
 from smad.runlog.schema import ROW_TOPIC, TOPICS, axis_of
 
 _MESSAGES_A_REPORT = 10_000
@@ -47,7 +47,7 @@ def recovered_path(path: Path) -> Path:
 
 
 def recover(
-    path: str | Path, output: str | Path | None = None, *, progress: Share = no_progress
+    path: str | Path, output: str | Path | None = None, *, progress: Share = silent
 ) -> Recovery:
     """Write what is readable of the log at `path` to a new file; the old one is left as it is.
 

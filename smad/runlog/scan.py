@@ -44,10 +44,6 @@ PARSE_ERRORS = (McapError, struct.error, UnicodeDecodeError, ValueError)
 """What the parsers of the `mcap` package raise for a record that does not follow the format."""
 
 
-def no_progress(share: float) -> None:
-    """Progress that nobody watches."""
-
-
 class NotMcapError(Exception):
     """The file does not begin as an MCAP file does."""
 

@@ -23,6 +23,7 @@ from msgspec.structs import astuple
 from smad.daemon.realtime import step_below_loop
 from smad.daemon.services import Clocks
 from smad.errors import RunLogError
+from smad.progress import Say
 from smad.runlog.header import RunHeader
 from smad.runlog.paths import make_folder, new_run_path
 from smad.runlog.schema import Event, LinkSample, Record, Row
@@ -85,7 +86,7 @@ class BlackBox:
         folder: Path,
         header: Callable[[str], RunHeader],
         clocks: Clocks,
-        say: Callable[[str], None],
+        say: Say,
     ) -> None:
         self.keep_s = keep_s
         self.path = ""

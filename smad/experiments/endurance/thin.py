@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from smad.files import replacing
 from smad.runlog.reader import Run, read_run, recorded
 from smad.runlog.schema import Event, Record, Row
 from smad.runlog.writer import write_run
@@ -19,8 +20,6 @@ def thin(path: Path, stretches: Sequence[tuple[int, int]], note: str) -> int:
     Raises RunLogError.
     """
     run = read_run(path)
-    draft = path.with_name(f"{path.stem}.thin{path.suffix}")
-    draft.unlink(missing_ok=True)
     chosen = np.zeros(len(run), bool)
     for begin, end in stretches:
         chosen[begin:end] = True
@@ -28,9 +27,10 @@ def thin(path: Path, stretches: Sequence[tuple[int, int]], note: str) -> int:
     records: list[Record] = sorted([*rows, *run.events], key=lambda record: record.t_s or 0.0)
     records.append(Event(t_s=run.columns["t_s"][-1], kind="note", text=note))
     header = msgspec.structs.replace(run.header, notes=[*run.header.notes, note])
-    write_run(draft, header, records)
-    _to_disk(draft)
-    draft.replace(path)
+    with replacing(path) as draft:
+        draft.unlink(missing_ok=True)
+        write_run(draft, header, records)
+        _to_disk(draft)
     _to_disk(path.parent)
     return len(rows)
 
