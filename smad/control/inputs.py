@@ -11,6 +11,7 @@ from smad.control.modes import Demand
 from smad.control.pieces import COLUMNS, DRIVEN, READINGS
 from smad.control.sample import Sample
 from smad.errors import CommandError
+from smad.units import in_words, parted_name
 
 LONGEST_QUEUE_ROWS = 100_000
 """Rows that wait: a thousand seconds at 100 Hz, some 25 MB."""
@@ -60,9 +61,9 @@ class Departure:
 
     def in_words(self) -> str:
         """One line: reading, both values, what is allowed, when."""
-        unit = self.reading.rpartition("_")[2].replace("degC", "°C")
+        name, unit = parted_name(self.reading)
         return (
-            f"{self.reading.rpartition('_')[0]} is {self.measured:.3g} {unit} instead of "
+            f"{name} is {self.measured:.3g} {in_words(unit)} instead of "
             f"{self.recorded:.3g}; control.repeat allows {self.allowed:g} either way "
             f"({self.t_s:.1f} s after the beginning)"
         )

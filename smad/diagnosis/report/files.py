@@ -45,7 +45,10 @@ class AnswerFiles:
 
         def write_model(path: Path) -> None:
             with named_output(path) as partial:
-                save_model(partial)
+                # How a name ends says in which format a model is written.
+                draft = partial.with_name(f"{partial.name}{path.suffix}")
+                save_model(draft)
+                draft.replace(partial)
 
         pairs = (
             (write_verdict, self.verdict),

@@ -4,7 +4,11 @@ from pathlib import Path
 
 import pytest
 
+from smad.diagnosis.answer import Answer
 from smad.diagnosis.errors import PlantMismatch
+from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.report.files import AnswerFiles
+from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.verdict import CAUSES, DIFFERS, Verdict
 
 TOLD = Verdict(
@@ -38,3 +42,18 @@ def test_a_plant_class_that_writes_no_model_is_told_which_member_would(tmp_path:
     of_own_class = Verdict(question=DIFFERS, outcome=CAUSES, headline="", plant="dc motor")
     with pytest.raises(PlantMismatch, match=r"causes, plant dc motor.*save_model.*answer\.model"):
         of_own_class.write_model(tmp_path / "m.toml")
+
+
+@pytest.mark.parametrize("name", ["m.toml", "m.json"])
+def test_a_model_is_written_in_the_format_that_its_name_ends_with(
+    name: str, tmp_path: Path
+) -> None:
+    plant = SmaPlant()
+    point = ModelPoint({}, {"rtd_lag": {"tau_s": 0.6}})
+    files = AnswerFiles(verdict=None, page=None, model=tmp_path / name)
+    written, failed = files.write(
+        Answer(verdict=TOLD), lambda path: plant.save_model(point, path, "a lag"), "", ()
+    )
+    assert (written, failed) == ([tmp_path / name], [])
+    assert plant.load_model(tmp_path / name).effects["rtd_lag"]["tau_s"] == 0.6
+    assert [path.name for path in tmp_path.iterdir()] == [name]
