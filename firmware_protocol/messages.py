@@ -43,7 +43,7 @@ class Message(msgspec.Struct, frozen=True, gc=False):
 
 
 class Hello(Message, frozen=True, gc=False):
-    """Opens a session. A new nonce asks for a new session; the same nonce is a repeat."""
+    """Opens a session; the same nonce is a repeat."""
 
     info = MessageInfo(
         number=0x01,
@@ -52,7 +52,9 @@ class Hello(Message, frozen=True, gc=False):
         replies=("Ident",),
         frozen=True,
     )
-    major: Annotated[int, Wire("u8", "protocol version; another one means: identify only")]
+    major: Annotated[
+        int, Wire("u8", "protocol version; another one: the board only identifies itself")
+    ]
     minor: Annotated[int, Wire("u8", "protocol revision, for the log")]
     schema_crc: Annotated[int, Wire("u32", "CRC-32 of the host's message table")]
     nonce: Annotated[int, Wire("u32", "chosen by the host, echoed by IDENT")]
@@ -83,7 +85,7 @@ class Estop(Message, frozen=True, gc=False):
 
 
 class Setpoint(Message, frozen=True, gc=False):
-    """What the board shall apply until the next one. The latest wins."""
+    """The outputs that the board applies until the next SETPOINT."""
 
     info = MessageInfo(
         number=0x10,
@@ -92,19 +94,19 @@ class Setpoint(Message, frozen=True, gc=False):
     )
     axis: Annotated[int, AXIS]
     t_ref_us: Annotated[
-        int, Wire("u32", "t_us of the STATE it was computed from; its age is counted from here")
+        int, Wire("u32", "t_us of the STATE it was computed from; its age counts from here")
     ]
     i_mA: Annotated[tuple[int, int], Wire("u16", "heating current", unit="mA", count=2)]
     pump_duty: Annotated[tuple[int, int], Wire("u8", "pump drive", unit="1/255", count=2)]
-    flags: Annotated[int, Wire("u8", "drain valves; whether the stage is meant", bits=SetpointFlag)]
-    ttl_ms: Annotated[int, Wire("u16", "applied for so long without a fresh one", unit="ms")]
+    flags: Annotated[int, Wire("u8", "drain valves; whether stage_um applies", bits=SetpointFlag)]
+    ttl_ms: Annotated[int, Wire("u16", "how long it applies without a newer one", unit="ms")]
     stage_um: Annotated[
         int, Wire("i32", "position of the stretch fixture's stage, from 0", unit="um")
     ] = 0
 
 
 class ArmRequest(Message, frozen=True, gc=False):
-    """Asks whether the axis may be armed. The answer is a token that is valid for two seconds."""
+    """Asks whether the axis may be armed."""
 
     info = MessageInfo(
         number=0x11, direction=Direction.TO_BOARD, pace="request", replies=("ArmToken",)
@@ -137,7 +139,7 @@ class ClearFault(Message, frozen=True, gc=False):
 
 
 class FaultGet(Message, frozen=True, gc=False):
-    """Reads a fault report again. Reports stay until the power is cycled."""
+    """Reads a fault report again. Reports stay until the board restarts."""
 
     info = MessageInfo(
         number=0x15, direction=Direction.TO_BOARD, pace="request", replies=("FaultReport",)
@@ -174,14 +176,14 @@ class ParamSave(Message, frozen=True, gc=False):
 
 
 class TimeRequest(Message, frozen=True, gc=False):
-    """Asks for the board's time. Never repeated: a late answer is worth nothing."""
+    """Asks for the board's time. Never repeated."""
 
     info = MessageInfo(number=0x19, direction=Direction.TO_BOARD, pace="about 1 Hz", per_s=1)
     t1_us: Annotated[int, Wire("u32", "host time of sending, low 32 bits", unit="us")]
 
 
 class Ident(Message, frozen=True, gc=False):
-    """Who the board is. Answers HELLO; comes by itself at boot, with session 0 and nonce 0."""
+    """Who the board is. At boot session and nonce are 0."""
 
     info = MessageInfo(
         number=0x81,
@@ -212,12 +214,12 @@ class Description(Message, frozen=True, gc=False):
     info = MessageInfo(number=0x82, direction=Direction.TO_HOST, pace="reply", frozen=True)
     offset: Annotated[int, Wire("u16", "first byte of the slice", unit="B")]
     total: Annotated[int, Wire("u16", "bytes in the whole description", unit="B")]
-    size: Annotated[int, Wire("u8", "bytes of data that count", unit="B")]
+    size: Annotated[int, Wire("u8", "valid bytes of data", unit="B")]
     data: Annotated[bytes, Wire("bytes", "the slice, zero bytes after it", count=96)]
 
 
 class Error(Message, frozen=True, gc=False):
-    """A request or setpoint was refused, with the reason, the value and the limit."""
+    """A request or setpoint was refused."""
 
     info = MessageInfo(
         number=0x83,
@@ -232,12 +234,12 @@ class Error(Message, frozen=True, gc=False):
         int,
         Wire("u8", "codes below 32: the channel; others: index of the field", invalid=NO_FIELD),
     ]
-    value: Annotated[int, Wire("i32", "what was found; a number too large stops at the end")]
+    value: Annotated[int, Wire("i32", "what was found, clamped to the range of i32")]
     limit: Annotated[int, Wire("i32", "what is allowed, in the unit of the value")]
 
 
 class State(Message, frozen=True, gc=False):
-    """One sample. The latest wins; the host runs one control step for each."""
+    """One sample. The host runs one control step for each."""
 
     info = MessageInfo(
         number=0x90, direction=Direction.TO_HOST, pace="100, 250 or 500 Hz for each axis"
@@ -298,7 +300,7 @@ class State(Message, frozen=True, gc=False):
 
 
 class FaultReport(Message, frozen=True, gc=False):
-    """The board stopped: what it saw, where, the limit, and the sample at that moment."""
+    """Why the board stopped, and the sample at that moment."""
 
     info = MessageInfo(
         number=0x91,
@@ -333,7 +335,7 @@ class Done(Message, frozen=True, gc=False):
 
 
 class ParamValue(Message, frozen=True, gc=False):
-    """One parameter as it now is."""
+    """One parameter."""
 
     info = MessageInfo(number=0x94, direction=Direction.TO_HOST, pace="reply")
     axis: Annotated[int, AXIS]
@@ -346,7 +348,7 @@ class ParamValue(Message, frozen=True, gc=False):
 
 
 class TimeReply(Message, frozen=True, gc=False):
-    """Three of the four stamps; the host adds the fourth."""
+    """The time stamps t1 to t3."""
 
     info = MessageInfo(
         number=0x95, direction=Direction.TO_HOST, pace="answers TIME_REQUEST", per_s=1
@@ -362,7 +364,7 @@ class LinkStats(Message, frozen=True, gc=False):
     info = MessageInfo(number=0x96, direction=Direction.TO_HOST, pace="1 Hz", per_s=1)
     frames: Annotated[int, Wire("u32", "good frames")]
     crc_errors: Annotated[int, Wire("u32", "frames with a wrong CRC")]
-    cobs_errors: Annotated[int, Wire("u32", "frames that are no COBS")]
+    cobs_errors: Annotated[int, Wire("u32", "frames with invalid COBS")]
     length_errors: Annotated[int, Wire("u32", "frames too short or too long")]
     payload_errors: Annotated[int, Wire("u32", "good frames with an unknown type or bad payload")]
     session_errors: Annotated[int, Wire("u32", "frames of another session")]

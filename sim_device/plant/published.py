@@ -255,7 +255,7 @@ def table() -> str:
         "",
         f"Within {NEAR:.0%}: {near} of {judged} that were not fitted. In the interval that the"
         f" source states: {inside} of {with_interval}, the resistance of wire counted once."
-        " *D's heats*: ratio with these.",
+        " *D's heats*: ratio with D's specific and latent heat.",
         "",
     ]
     lines += [f"- {key}: {source}" for key, source in SOURCES.items()]

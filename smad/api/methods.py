@@ -53,7 +53,7 @@ class ResetTiming(Params, frozen=True, kw_only=True):
 
 
 class Arm(Params, frozen=True, kw_only=True):
-    """Arm the bench: the board checks itself and lets current through afterwards.
+    """Arm the bench: afterwards current may flow.
 
     Needs a connected board without a fault whose message schema and parameters agree with ours.
     """
@@ -138,7 +138,7 @@ class RecordLast(Params, frozen=True, kw_only=True):
 
 
 class TakeControl(Params, frozen=True, kw_only=True):
-    """Take, or renew, exclusive control: until it ends, only this client's commands count."""
+    """Take or renew exclusive control."""
 
     name: Annotated[Name, Meta(description="who you are, for the messages others get")]
     lease_s: Annotated[

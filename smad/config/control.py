@@ -41,7 +41,7 @@ class CoolingConfig(Section, frozen=True, kw_only=True):
 
 
 class HoldConfig(Section, frozen=True, kw_only=True):
-    """A quiet hold: once the reference rests and is reached, nothing is switched."""
+    """A quiet hold: at a constant reference that is reached, no pump runs."""
 
     band_mm: Annotated[
         float, between(0.0, 1.0, "full width about the reference: no error within")
@@ -86,7 +86,7 @@ class TemperatureConfig(Section, frozen=True, kw_only=True):
 
 
 class FeedforwardConfig(Section, frozen=True, kw_only=True):
-    """The inverse of the model, for reversals begun in time. The defaults are parameter set A."""
+    """Inverse model that begins reversals early. The defaults are parameter set A."""
 
     enabled: Annotated[bool, about("use it from the start; `tune` changes it")] = False
     wire_capacity_J_per_m_K: Annotated[
@@ -123,7 +123,7 @@ class FeedforwardConfig(Section, frozen=True, kw_only=True):
 
 
 class RepeatConfig(Section, frozen=True, kw_only=True):
-    """How far a repeated run may leave the recorded one before it is ended."""
+    """Deviation from the recorded run at which a repeated run ends."""
 
     displacement_mm: Annotated[
         float, above(0.0, 50.0, "between displacement and the recorded one")
@@ -160,7 +160,7 @@ class ControlConfig(Section, frozen=True, kw_only=True):
 
 
 class LimitsConfig(Section, frozen=True, kw_only=True):
-    """What the host refuses to exceed. The board has limits of its own, which are never tighter."""
+    """The host's own limits. Arming is refused while one is looser than the board's."""
 
     temperature_max_degC: Annotated[
         float,

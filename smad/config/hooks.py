@@ -10,7 +10,7 @@ Command = tuple[Annotated[str, Meta(min_length=1, max_length=1000)], ...]
 
 
 class HooksConfig(Section, frozen=True, kw_only=True):
-    """Commands that `smad hooks run` begins, with the event as JSON on standard input."""
+    """Commands that `smad hooks run` starts, with the event as JSON on standard input."""
 
     on_fault: Annotated[Command, about("a fault, or a limit of the host")] = ()
     on_stop: Annotated[Command, about("somebody stopped an armed bench")] = ()

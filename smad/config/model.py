@@ -134,7 +134,7 @@ class RecorderConfig(Section, frozen=True, kw_only=True):
 
 
 class RealtimeConfig(Section, frozen=True, kw_only=True):
-    """Measures for a steady loop. Each is taken where granted; `smad status` says which."""
+    """Real-time measures. smad takes each that the system grants; `smad status` lists them."""
 
     fifo_priority: Annotated[int, between(0, 95, "SCHED_FIFO priority; 0: ordinary scheduling")] = (
         80

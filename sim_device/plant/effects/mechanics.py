@@ -53,7 +53,7 @@ MECHANICS: tuple[Effect, ...] = (
     ),
     Effect(
         name="tendon_slack",
-        title="the tendon straightens before it carries",
+        title="the tendon straightens before it carries load",
         subsystem="mechanics",
         places=("recoverable_strain",),
         equation="δ_X + δ_Y + s [exp(−F0/F_s) − exp(−F/F_s)] = 2 δ0",

@@ -65,7 +65,7 @@ PHASE: tuple[Effect, ...] = (
     ),
     Effect(
         name="unified_kinetics",
-        title="one law for twinned and detwinned martensite, which remembers where it turned",
+        title="one law for twinned and detwinned martensite, with memory of its turning points",
         subsystem="phase",
         places=("transformation_shift", "recoverable_strain"),
         equation="ξ from a = (T − A_S − τ/C_A)/(A_F − A_S) and c = (M_S + (τ − τ_0)/C_M − T)/(M_S"
