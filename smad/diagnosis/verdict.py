@@ -5,7 +5,10 @@ Reports, commands and files state nothing of a diagnosis that is not a field of 
 
 from __future__ import annotations
 
+import contextlib
+import json
 import math
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -326,7 +329,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
         return msgspec.json.decode(data, type=cls)
 
     def write_model(self, path: Path | str, first: int | None = None) -> None:
-        """Write the model file: with the first causes, or all.
+        """Write the model file: with the first causes, or all; a name `.json` makes it JSON.
 
         Raises PlantMismatch where the verdict has no model, or not as many causes.
         """
@@ -351,7 +354,12 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
                 limit=f"0 (parameters alone) to {most}",
                 action="give a number of causes that it lists",
             )
-        Path(path).write_text(self.models[most if first is None else first], "utf-8")
+        text = self.models[most if first is None else first]
+        if Path(path).suffix == ".json":
+            # A plant of somebody else may write another format than TOML.
+            with contextlib.suppress(tomllib.TOMLDecodeError):
+                text = json.dumps(tomllib.loads(text), indent=2) + "\n"
+        Path(path).write_text(text, "utf-8")
 
 
 def headline_of(

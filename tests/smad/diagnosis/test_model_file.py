@@ -57,3 +57,15 @@ def test_a_model_is_written_in_the_format_that_its_name_ends_with(
     assert (written, failed) == ([tmp_path / name], [])
     assert plant.load_model(tmp_path / name).effects["rtd_lag"]["tau_s"] == 0.6
     assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_a_verdict_writes_its_model_in_the_format_that_the_name_ends_with(tmp_path: Path) -> None:
+    plant = SmaPlant()
+    plant.save_model(ModelPoint({}, {"rtd_lag": {"tau_s": 0.6}}), tmp_path / "m.toml", "a lag")
+    text = (tmp_path / "m.toml").read_text()
+    verdict = Verdict(question=DIFFERS, outcome=CAUSES, headline="", models=[text, "<mujoco/>"])
+    for name in ("n.toml", "n.json"):
+        verdict.write_model(tmp_path / name, 0)
+        assert plant.load_model(tmp_path / name) == plant.load_model(tmp_path / "m.toml")
+    verdict.write_model(tmp_path / "x.json", 1)
+    assert (tmp_path / "x.json").read_text() == "<mujoco/>"
