@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.errors import BankError
-from smad.files import replacing, write_whole
 
 Array = NDArray[np.float64]
 Log = dict[str, Array]
@@ -63,13 +62,24 @@ def write_run(path: Path, log: Log) -> None:
     columns = {name: np.asarray(log[name], float) for name in UNITS}
     if path.suffix == ".parquet":
         table = pa.table({n: pa.array(v, from_pandas=True) for n, v in columns.items()})
-        with replacing(path) as partial:
-            pq.write_table(table, partial, compression="zstd", compression_level=6)
+        partial = _partial(path)
+        pq.write_table(table, partial, compression="zstd", compression_level=6)
+        partial.replace(path)
         return
     text = io.StringIO()
     text.write(",".join(columns) + "\n")
     np.savetxt(text, np.stack(list(columns.values()), axis=1), delimiter=",", fmt="%.6f")
-    write_whole(path, gzip.compress(text.getvalue().encode(), mtime=0))
+    _write_whole(path, gzip.compress(text.getvalue().encode(), mtime=0))
+
+
+def _partial(path: Path) -> Path:
+    return path.with_name(path.name + ".part")
+
+
+def _write_whole(path: Path, data: bytes) -> None:
+    partial = _partial(path)
+    partial.write_bytes(data)
+    partial.replace(path)
 
 
 def read_run(path: Path) -> Log:
@@ -116,7 +126,7 @@ def digest(path: Path) -> str:
 def write_json(path: Path, value: Any) -> None:
     """Write JSON so that the same value always gives the same bytes."""
     text = json.dumps(value, indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False)
-    write_whole(path, f"{text}\n")
+    _write_whole(path, f"{text}\n".encode())
 
 
 def read_json(path: Path) -> Any:
