@@ -107,13 +107,13 @@ def simulated_model(
     An effect replaces the model's of that name; the values that it takes are printed. Raises
     UsageError for an effect, PlantError for the rest.
     """
-    from sim_device.plant.effects.registry import from_text
+    from sim_device.plant.effects.registry import from_texts
     from sim_device.plant.errors import PlantError
     from sim_device.plant.models import built_in, read_model
 
     base = built_in(params) if model_file is None else read_model(model_file)
     try:
-        model = base.with_effects(dict(from_text(text) for text in effects))
+        model = base.with_effects(from_texts(effects))
     except PlantError as error:
         raise click.UsageError(f"--effect: {error}") from None
     for line in effect_lines(model.effects, effects):

@@ -82,7 +82,7 @@ def build(
     Raises BenchError and PlantError.
     """
     from sim_device.faults import parse_injection
-    from sim_device.plant.effects.registry import from_text
+    from sim_device.plant.effects.registry import from_texts
     from sim_device.plant.models import built_in, read_model
 
     plant = config.plant
@@ -91,7 +91,7 @@ def build(
         model = model.with_effects(plant.effects)
     else:
         model = read_model(model_path)
-    model = model.with_effects(dict(from_text(text) for text in effects))
+    model = model.with_effects(from_texts(effects))
     board = BOARDS[firmware]
     if store_path is not None and not board.has_store:
         raise SimulatedBenchError(

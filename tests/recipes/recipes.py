@@ -681,7 +681,7 @@ class Rest(Experiment[RestOptions]):
             "its row in the list of experiments",
             "docs/experiments/README.md",
             "| [standing](standing.md) | the springs at rest |\n",
-            before="\nAll on one page",
+            before="\nAll experiments on one page",
         ),
     ),
     (

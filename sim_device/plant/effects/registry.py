@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from firmware_protocol.nearest import instead
 from sim_device.plant.effects.cooling import WATER
@@ -75,6 +75,19 @@ def from_text(text: str) -> tuple[str, dict[str, float]]:
         ) from None
     resolve({name.strip(): values})
     return name.strip(), values
+
+
+def from_texts(texts: Iterable[str]) -> dict[str, dict[str, float]]:
+    """Values of effects by name, each as of `from_text`. Raises EffectError for one given twice."""
+    effects: dict[str, dict[str, float]] = {}
+    for name, values in map(from_text, texts):
+        if name in effects:
+            raise EffectError(
+                f"effect {name!r} is given twice; give all its values at once, as "
+                "tube_friction:coulomb_N=0.1,proportional=0.05"
+            )
+        effects[name] = values
+    return effects
 
 
 def _complete(entry: Effect, values: Mapping[str, float]) -> dict[str, float]:

@@ -9,7 +9,14 @@ import pytest
 
 from sim_device.plant import Drive, Inputs, Plant, load_parameters, simulate
 from sim_device.plant.effects.record import Signal, Subsystem
-from sim_device.plant.effects.registry import EFFECTS, effect, effect_terms, from_text, resolve
+from sim_device.plant.effects.registry import (
+    EFFECTS,
+    effect,
+    effect_terms,
+    from_text,
+    from_texts,
+    resolve,
+)
 from sim_device.plant.errors import EffectError
 from sim_device.plant.kernel.compiled import PACKAGE as KERNEL
 from sim_device.plant.replay import OUTPUTS
@@ -256,14 +263,17 @@ def test_a_stop_of_a_few_samples_is_no_new_start_for_air_pockets():
 
 
 def test_text_becomes_effects():
-    wanted = resolve(
-        dict(map(from_text, ["tube_friction:coulomb_N=0.11,proportional=0.06", "rtd_lag"]))
-    )
+    wanted = resolve(from_texts(["tube_friction:coulomb_N=0.11,proportional=0.06", "rtd_lag"]))
     assert wanted["tube_friction"]["coulomb_N"] == 0.11
     assert wanted["rtd_lag"] == effect("rtd_lag").typical()
     found = resolve(dict([from_text("driver_gain:gain=0.05")]))
     assert found == {"driver_gain": {"gain": 0.05, "y_share": 1.0}}
     assert from_text("force_gain:gain=0.05") == ("force_gain", {"gain": 0.05})
+
+
+def test_an_effect_that_is_given_twice_is_refused_since_the_last_would_win():
+    with pytest.raises(EffectError, match="'rtd_lag' is given twice; give all its values at once"):
+        from_texts(["rtd_lag:tau_s=0.5", "driver_gain", "rtd_lag:y_share=0"])
 
 
 def test_strengths_left_out_are_zero_once_one_is_given_and_shapes_are_typical():

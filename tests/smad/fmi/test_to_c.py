@@ -66,7 +66,7 @@ def test_a_construct_without_a_translation_is_named(function: object) -> None:
 def test_constants_are_traced_to_the_numbers_of_the_parameter_set() -> None:
     known = load_parameters("A")
     lines, made, mount = trace(known, **OPTIONS)
-    space = {"v": known.vector(), **vars(math)}
+    space = {"v": [entry.value for entry in known.entries], **vars(math)}
     for line in lines:
         exec(line.removeprefix("double ").rstrip(";"), space)
     numbers = {n: space[s.name] if hasattr(s, "name") else s for n, s in made.items()}
