@@ -14,7 +14,7 @@ import numpy as np
 
 from smad.diagnosis.questions import AdmittedRuns
 from smad.diagnosis.rivals.fit import reference_at
-from smad.diagnosis.rivals.rival import Rival
+from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import NOTHING
 from smad.diagnosis.rivals.search import Search
 from smad.diagnosis.runs import GapRun
@@ -31,12 +31,15 @@ def moved_inputs(admitted: AdmittedRuns, search: Search) -> str:
 
     `search` is that for what the simulator lacks, in which the parameters are free.
     """
+    if not search.parts:
+        return ""
+    questions = [_with_moved_inputs(admitted, search, rows) for rows in _MOVES]
     before = search.parameters
-    for step in search.steps if search.parts else ():
+    for step in search.steps:
         if step.entered is None:
             break
-        for rows, (words, remedy) in _MOVES.items():
-            moved = _with_moved_inputs(admitted, search, before, rows)
+        for question, (words, remedy) in zip(questions, _MOVES.values(), strict=True):
+            moved = _fitted_again(question, search, before)
             if moved is None or search.question.ranked([*step.rivals, moved])[0].fit != moved.fit:
                 continue
             model = " and ".join(["other values of the parameters", *_part_names(moved)])
@@ -53,17 +56,19 @@ def _part_names(rival: Rival) -> Sequence[str]:
     return [part.name for part in rival.fit.model.parts] if rival.fit else []
 
 
-def _with_moved_inputs(
-    admitted: AdmittedRuns, search: Search, before: Rival, rows: int
-) -> Rival | None:
-    """The model of a rival, fitted to the runs with inputs moved by so many rows.
+def _with_moved_inputs(admitted: AdmittedRuns, search: Search, rows: int) -> Question:
+    """The question of a search about runs whose inputs are moved by so many rows."""
+    fit, held_out = ([_moved(r, rows) for r in runs] for runs in (admitted.fit, admitted.held_out))
+    return admitted.question(search.question.model.start, fit, held_out, admitted.floors)
 
-    None where the model fails, or moved inputs suit it less before it is fitted to them.
+
+def _fitted_again(question: Question, search: Search, before: Rival) -> Rival | None:
+    """The model of a rival, fitted to the runs of another question.
+
+    None where the model fails, or these runs suit it less before it is fitted to them.
     """
     fitted = before.fit
     assert fitted is not None
-    fit, held_out = ([_moved(r, rows) for r in runs] for runs in (admitted.fit, admitted.held_out))
-    question = admitted.question(search.question.model.start, fit, held_out, admitted.floors)
     as_fitted = question.of_point(fitted.point)
     if as_fitted is None or as_fitted.scores.sum() <= before.scores.sum():
         return None
