@@ -23,7 +23,7 @@ _MOVES = {
     1: ("early", 'move their columns a row down, or say `inputs_act = "after"` in a map'),
     -1: ("late", "move their columns a row up"),
 }
-"""Rows by which inputs are moved: what they then were before, and what to do."""
+"""Rows down to move inputs by: how they stand in the record, and what to do."""
 
 
 def moved_inputs(admitted: AdmittedRuns, search: Search) -> str:
@@ -65,7 +65,7 @@ def _with_moved_inputs(admitted: AdmittedRuns, search: Search, rows: int) -> Que
 def _fitted_again(question: Question, search: Search, before: Rival) -> Rival | None:
     """The model of a rival, fitted to the runs of another question.
 
-    None where the model fails, or these runs suit it less before it is fitted to them.
+    None where the model fails, or where it predicts these runs worse than those it was fitted to.
     """
     fitted = before.fit
     assert fitted is not None

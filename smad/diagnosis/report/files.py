@@ -47,8 +47,11 @@ class AnswerFiles:
             with named_output(path) as partial:
                 # How a name ends says in which format a model is written.
                 draft = partial.with_name(f"{partial.name}{path.suffix}")
-                save_model(draft)
-                draft.replace(partial)
+                try:
+                    save_model(draft)
+                    draft.replace(partial)
+                finally:
+                    draft.unlink(missing_ok=True)
 
         pairs = (
             (write_verdict, self.verdict),

@@ -69,3 +69,14 @@ def test_a_verdict_writes_its_model_in_the_format_that_the_name_ends_with(tmp_pa
         assert plant.load_model(tmp_path / name) == plant.load_model(tmp_path / "m.toml")
     verdict.write_model(tmp_path / "x.json", 1)
     assert (tmp_path / "x.json").read_text() == "<mujoco/>"
+
+
+def test_a_plant_that_fails_while_it_saves_leaves_no_file(tmp_path: Path) -> None:
+    def half_saved(path: Path) -> None:
+        path.write_text("half")
+        raise ValueError("no more")
+
+    files = AnswerFiles(verdict=None, page=None, model=tmp_path / "m.toml")
+    written, failed = files.write(Answer(verdict=TOLD), half_saved, "", ())
+    assert (written, [str(error) for error in failed]) == ([], ["no more"])
+    assert not list(tmp_path.iterdir())
