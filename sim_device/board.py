@@ -72,6 +72,13 @@ ALL_VALID = int(
     | ValidBit.FORCE
     | ValidBit.VBUS
 )
+_READINGS_OF = {
+    Capability.ENCODER: ValidBit.ENCODER,
+    Capability.FORCE_SENSOR: ValidBit.FORCE,
+    Capability.VOLTAGE_SENSE: ValidBit.V_X | ValidBit.V_Y,
+    Capability.RTD_INLET: ValidBit.RTD_INLET,
+    Capability.RTD_AMBIENT: ValidBit.RTD_AMBIENT,
+}
 _SETPOINT_VALID = int(ValidBit.SETPOINT)
 _DRAIN_X, _DRAIN_Y = int(SetpointFlag.DRAIN_X), int(SetpointFlag.DRAIN_Y)
 _STAGE = int(SetpointFlag.STAGE)
@@ -113,6 +120,8 @@ class Board:
     ) -> None:
         self.now_us = now_us
         self.hardware = hardware or self.hardware_type()
+        has = self.capabilities[fixture]
+        self._readings = ALL_VALID & ~sum(b for part, b in _READINGS_OF.items() if not has & part)
         self.parameters = ParameterStore(1)
         for name, value in {**self.initial_parameters, "state_rate_hz": rate_hz}.items():
             self.parameters.set(0, BY_NAME[name].number, value)
@@ -306,7 +315,7 @@ class Board:
         """Return the sample as the host is told it."""
         s, m, hardware = self.outputs, self.measurements, self.hardware
         r = m.rtd_cC
-        valid = ALL_VALID
+        valid = self._readings
         if not s.sensor_ok[0] or not s.sensor_ok[1] or hardware.broken:
             valid = self._valid()
         if self.sp_age_us != AGE_UNKNOWN:
@@ -336,7 +345,7 @@ class Board:
     def _valid(self) -> int:
         """Return the valid bits when some part may be broken."""
         m, limits = self.measurements, self.supervisor.limits
-        valid = ALL_VALID
+        valid = self._readings
         for j, bit in enumerate(_RTD_BITS):
             if not is_believed(m, limits, j):
                 valid &= ~bit

@@ -1,4 +1,4 @@
-"""The inputs that fuzzing begins from, made from real things: `python -m campaign fuzz.seeds`.
+"""The inputs that fuzzing begins from, made from real things: `python -m campaign.fuzz.seeds`.
 
 They are committed; this module says where they came from, and a test that they can be made again.
 """
@@ -6,6 +6,7 @@ They are committed; this module says where they came from, and a test that they 
 from __future__ import annotations
 
 import json
+import random
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
@@ -20,6 +21,7 @@ from campaign.fuzz.board import FIXTURES
 from campaign.fuzz.corpus import write_corpus
 from campaign.fuzz.log_import import SEPARATOR
 from campaign.fuzz.targets import TARGETS
+from campaign.soak.draws import DRAWN
 from firmware_protocol import messages as m
 from firmware_protocol.codec import CODEC
 from firmware_protocol.enums import BoardState, SetpointFlag
@@ -35,6 +37,7 @@ from tests.firmware_protocol.pair import SAMPLE
 from tests.smad.runlog.helpers import write_small_run
 
 Seeds = Iterator[tuple[str, bytes]]
+_LONGEST_REQUEST_BYTES = 1000
 
 
 def main() -> int:
@@ -141,34 +144,16 @@ def _description() -> Seeds:
     yield "raw", b"!" + compress(small)
 
 
-_PARAMS: Mapping[str, dict[str, object]] = {
-    "move": {"trajectories": [{"kind": "step", "displacement_mm": 5.0, "duration_s": 1.0}]},
-    "heat": {"spring": "x", "temperature_degC": 60.0, "rate_K_per_s": 5.0},
-    "current": {"i_x_A": 1.5, "duration_s": 2.0},
-    "inputs": {
-        "t_s": [0.0, 0.5],
-        "end_s": 1.0,
-        "i_x_A": [1.0, 0.0],
-        "i_y_A": [0.0, 0.0],
-        "pump_x_duty": [0.0, 0.0],
-        "pump_y_duty": [0.0, 1.0],
-        "force_N": [1.2, None],
-    },
-    "stage": {"position_mm": 10.0, "rate_mm_per_s": 5.0},
-    "tune": {"kp_A_per_mm": 10.0, "cooling": "off"},
-    "params.get": {"name": "state_rate_hz"},
-    "params.set": {"name": "current_limit_mA", "value": 3000},
-    "record.note": {"text": "a note"},
-    "control.take": {"name": "me", "lease_s": 5.0},
-}
-
-
 def _commands() -> Seeds:
+    rng = random.Random(1)
     for method in METHODS:
-        request = {"jsonrpc": "2.0", "id": 1, "method": method.name}
-        if method.name in _PARAMS:
-            request["params"] = _PARAMS[method.name]
-        text = json.dumps(request, separators=(",", ":")).encode()
+        # As a soak draws it, until it is short enough to be mutated.
+        text = b" " * _LONGEST_REQUEST_BYTES
+        while len(text) >= _LONGEST_REQUEST_BYTES:
+            params = DRAWN[method.name].draw(rng)
+            text = msgspec.json.encode(
+                {"jsonrpc": "2.0", "id": 1, "method": method.name, "params": params}
+            )
         yield method.name.replace(".", "-"), b"\x01" + text
     yield (
         "several",
@@ -177,7 +162,7 @@ def _commands() -> Seeds:
     pieces = [
         {"kind": "sine", "amplitude_mm": 3.0, "period_s": 2.0, "cycles": 2},
         {"kind": "chirp", "amplitude_mm": 1.0, "start_Hz": 0.1, "end_Hz": 1.0, "duration_s": 5.0},
-        {"kind": "samples", "times_s": [0.0, 1.0], "displacements_mm": [0.0, 2.0]},
+        {"kind": "samples", "t_s": [0.0, 1.0], "displacement_mm": [0.0, 2.0]},
     ]
     move = {"method": "move", "id": 3, "params": {"trajectories": pieces}}
     yield "trajectories", b"\x01" + json.dumps(move).encode()

@@ -609,6 +609,7 @@ COMMAND = Recipe(
             '    "greet": Drawn(0.2, lambda rng: api.Greet()),\n',
             before='    "timing.reset": Drawn',
         ),
+        Generate("its seed", ("-m", "campaign.fuzz.seeds")),
         Generate(),
     ),
     (
@@ -617,6 +618,8 @@ COMMAND = Recipe(
         "tests/smad/test_client.py::test_there_is_a_client_method_for_every_method_of_the_api",
         "tests/campaign/test_soak.py::"
         "test_every_method_can_be_drawn_and_what_is_no_command_is_named",
+        "tests/campaign/fuzz/test_corpus.py::"
+        "test_the_seeds_are_in_the_corpus_and_small_enough_to_be_mutated[commands]",
     ),
 )
 

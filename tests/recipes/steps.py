@@ -56,13 +56,14 @@ class Insert:
 
 @dataclass(frozen=True)
 class Generate:
-    """`make generate`."""
+    """A program that makes files from others, by default `make generate`."""
 
     name: str = "make generate"
+    program: tuple[str, ...] = ("tools/generate.py",)
 
     def carry_out(self, tree: Path) -> None:
-        """Write the generated files of the copy anew; a step left out may keep it from that."""
-        run(tree, "tools/generate.py")
+        """Write the made files of the copy anew; a step left out may keep it from that."""
+        run(tree, *self.program)
 
 
 Step = Insert | Generate
@@ -103,10 +104,12 @@ class Recipe:
 
 
 def together(recipes: Sequence[Recipe]) -> Recipe:
-    """Return the recipes as one: every edit, one `make generate`, every test but the longest."""
-    edits = [step for recipe in recipes for step in recipe.steps if isinstance(step, Insert)]
+    """Return the recipes as one: every edit, each program once, every test but the longest."""
+    steps = [step for recipe in recipes for step in recipe.steps]
+    edits = [step for step in steps if isinstance(step, Insert)]
+    programs = dict.fromkeys(step for step in steps if isinstance(step, Generate))
     tests = dict.fromkeys(test for recipe in recipes for test in recipe.tests)
-    return Recipe("all", (*edits, Generate()), (*tests, *LONGEST))
+    return Recipe("all", (*edits, *programs), (*tests, *LONGEST))
 
 
 def copy_of_the_tree(folder: Path, *, whole: bool) -> Path:

@@ -5,15 +5,26 @@ all together and one by one, whole and with each step left out: each takes a Pyt
 three.
 """
 
+import re
 from pathlib import Path
 
 import pytest
 
 from tests.recipes.recipes import EFFECT, RECIPES
-from tests.recipes.steps import ROOT, Insert, Recipe, Step, copy_of_the_tree, run, together
+from tests.recipes.steps import (
+    COPIED,
+    ROOT,
+    Insert,
+    Recipe,
+    Step,
+    copy_of_the_tree,
+    run,
+    together,
+)
 
 pytestmark = pytest.mark.timeout(1200)
 
+PAGE = (ROOT / "docs" / "architecture.md").read_text()
 WITHOUT = [
     pytest.param(recipe, step, id=f"{recipe.name} without {step.name}")
     for recipe in RECIPES
@@ -53,6 +64,11 @@ def test_a_step_that_is_left_out_is_noticed(recipe: Recipe, step: Step, tmp_path
 
 @pytest.mark.parametrize("recipe", RECIPES, ids=lambda recipe: recipe.name)
 def test_the_page_names_every_file_that_a_recipe_edits(recipe: Recipe) -> None:
-    page = (ROOT / "docs" / "architecture.md").read_text()
-    edited = {step.path for step in recipe.steps if isinstance(step, Insert)}
-    assert [path for path in edited if Path(path).name not in page] == []
+    edited = {step.path for step in recipe.steps if isinstance(step, Insert) and step.before}
+    assert [path for path in edited if Path(path).name not in PAGE] == []
+
+
+def test_every_file_that_the_page_names_is_there() -> None:
+    named = set(re.findall(r"`(?:[\w./]+/)?(\w+\.(?:py|c|h|toml|md))`", PAGE))
+    there = {path.name for folder in COPIED for path in (ROOT / folder).rglob("*.*")}
+    assert named - there == {"NAME.md", "NAME.py"}

@@ -24,7 +24,7 @@ from firmware_protocol.parameters import BY_NAME
 from firmware_protocol.supervisor import Measurements, Memory, Supervisor
 from firmware_protocol.supervisor.compiled import CompiledSupervisor
 from sim_device.bench import SimulatedBench
-from sim_device.board import Board
+from sim_device.board import CAPABILITIES, Board
 from sim_device.faults import injection
 from sim_device.hardware import Hardware
 from sim_device.plant import Readings
@@ -362,6 +362,20 @@ def test_readings_are_whole_counts_of_what_the_plant_shows() -> None:
     assert abs(state.rtd_cC[0] - (truth.T_K[0] - 273.15) * 100) < 15
     assert abs(state.encoder_counts - truth.displacement_m * 1e6) < 15
     assert abs(state.force_counts - truth.force_N * 1e3) < 15
+
+
+class ForcelessBoard(Board):
+    """A board without a load cell."""
+
+    capabilities: ClassVar[Mapping[str, int]] = {
+        fixture: has & ~Capability.FORCE_SENSOR for fixture, has in CAPABILITIES.items()
+    }
+
+
+def test_a_board_has_no_reading_of_a_part_that_it_lacks() -> None:
+    loop = Loop(SimulatedBench(board_type=ForcelessBoard)).connected()
+    loop.step(20)
+    assert loop.states[-1].valid & (ValidBit.ENCODER | ValidBit.FORCE) == ValidBit.ENCODER
 
 
 class CoarseHardware(Hardware):

@@ -24,6 +24,7 @@ from sim_device.plant import parameters
 from sim_device.plant.models import save_model
 from smad.config import default_toml
 from smad.control.sample import sample_of
+from smad.daemon.command.rpc import Call, Decoder
 from smad.daemon.command.service import Service
 from smad.daemon.control import ControlTask
 from smad.records import channels
@@ -61,8 +62,17 @@ def test_the_seeds_are_in_the_corpus_and_small_enough_to_be_mutated(target: Targ
     kept = target.corpus()
     made = dict(SEEDS[target.name]())
     assert made
-    assert {f"seed-{label}" for label in made} == {n for n in kept if n.startswith("seed-")}
+    committed = {name for name in kept if name.startswith("seed-")}
+    assert {f"seed-{label}" for label in made} == committed, "run python -m campaign.fuzz.seeds"
     assert max(map(len, kept.values())) <= target.longest
+
+
+def test_every_command_of_the_seeds_is_understood() -> None:
+    decoder = Decoder()
+    for name, data in TARGETS["commands"].corpus().items():
+        if name.startswith("seed-"):
+            for line in data[1:].split(b"\n"):
+                assert isinstance(decoder.decode(line), Call), (name, line)
 
 
 def test_the_corpus_stays_small() -> None:
