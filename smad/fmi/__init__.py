@@ -1,5 +1,5 @@
 """FMI, both ways: the plant as a co-simulation unit, and a unit as a plant of the diagnosis.
 
 Start with `export.export_unit` (`to_c` makes C of the kernel) and, with the extra `fmi`, with
-`plant.FmuPlant`.
+`asked.diagnose_unit`.
 """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,37 +15,24 @@ import numpy as np
 from smad.config.toml_file import read_toml
 from smad.fmi.errors import FmiError
 from smad.fmi.unit_file import UnitFile
-from smad.records.csv_table import CsvFormat
-
-_Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]
-_Positive = Annotated[float, msgspec.Meta(gt=0, le=1e15)]
-
+from smad.records.units import Written
+from smad.simulators.by_map import ColumnMap, ColumnRow, Held, ModelParameterRow, Number, Positive
 
 _FROM_RECORDS = math.nan
 
 
-class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class _ColumnRow(ColumnRow, frozen=True, kw_only=True):
+    """What is left out is NaN; the records have it."""
+
     variable: str
     unit: str
+    low: Number = _FROM_RECORDS
+    high: Number = _FROM_RECORDS
 
-
-class _RangedRow(_Row, frozen=True, kw_only=True):
-    low: _Number
-    high: _Number
-
-
-class _ColumnRow(_Row, frozen=True, kw_only=True):
-    """`column`: its name in a run, where that is another; `column_unit`: its unit there, where that
-    is another; `hold`: numbers stand in some rows only. A range that is left out is NaN until it is
-    taken from the records (`completed`)."""
-
-    low: _Number = _FROM_RECORDS
-    high: _Number = _FROM_RECORDS
-    column: str = ""
-    column_unit: str = ""
-    hold: bool = False
-    scale: _Number = 1.0
-    offset: _Number = 0.0
+    @property
+    def ranged(self) -> bool:
+        """Whether the map has a range."""
+        return not math.isnan(self.low)
 
 
 class InputRow(_ColumnRow, frozen=True, kw_only=True):
@@ -54,43 +42,52 @@ class InputRow(_ColumnRow, frozen=True, kw_only=True):
     their time or *from* it on; empty: as the map's `held`.
     """
 
-    held: Literal["until", "from", ""] = ""
+    held: Held | Literal[""] = ""
+
+    def written(self, name: str) -> Written:
+        """As of any column, but the value is that of the unit."""
+        read = super().written(name)
+        offset = self.scale * read.offset + self.offset
+        return replace(read, scale=self.scale * read.scale, offset=offset)
 
 
 class ChannelRow(_ColumnRow, frozen=True, kw_only=True):
     """A measured channel: column = `scale` · value of the unit + `offset`, in the column's range.
 
-    With `hold` it is read on a straight line between its numbers. What is left out is NaN until it
-    is taken from the records (`completed`).
+    With `hold` it is read on a straight line between its numbers.
     """
 
-    quantum: _Positive = _FROM_RECORDS
-    noise: _Positive = _FROM_RECORDS
+    quantum: Positive = _FROM_RECORDS
+    noise: Positive = _FROM_RECORDS
 
 
-class ParameterRow(_RangedRow, frozen=True, kw_only=True):
-    """A parameter that the refit may move; without `nominal` it begins where the unit has it."""
+class ParameterRow(ModelParameterRow, frozen=True, kw_only=True):
+    """A parameter of the unit that the refit may move."""
 
-    nominal: _Number | None = None
-    prior_sd: _Positive | None = None
+    variable: str
+    unit: str
 
 
-class TermRow(_RangedRow, frozen=True, kw_only=True):
+class TermRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A term that the unit adds by way of the input `variable`: size · f((of − zero) / span).
 
     `of`: an input or channel of the map, as the unit has it; empty for a constant. `shape` is f:
     the `power`, which keeps the sign; the *sign*, tanh(x), as dry friction goes with a velocity; or
     the *deadband*, 0 within ±1 and x ∓ 1 beyond. `span` is 1 if left out, of a *sign* a hundredth
-    of the range of `of` (`completed`). `place`: where in the unit that is, in words;
-    empty: the input of the map that drives the variable, or the variable.
+    of the range of `of`. `place`: where in the unit that is, in words; empty: the input of the map
+    that drives the variable, or the variable.
     """
 
+    variable: str
+    unit: str
+    low: Number
+    high: Number
     title: str
     place: str = ""
-    typical: _Number
+    typical: Number
     of: str = ""
-    zero: _Number = 0.0
-    span: _Positive = _FROM_RECORDS
+    zero: Number = 0.0
+    span: Positive = _FROM_RECORDS
     power: Annotated[float, msgspec.Meta(gt=0, le=8)] = 1.0
     shape: Literal["power", "sign", "deadband"] = "power"
 
@@ -109,31 +106,25 @@ class TermRow(_RangedRow, frozen=True, kw_only=True):
         return x if self.power == 1.0 else np.sign(x) * np.abs(x) ** self.power
 
 
-class Map(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A map file. `lag_s`: what a sensor or a drive of such a plant may well lag by; left out, NaN
-    until it is taken from the records (`completed`).
+class Map(ColumnMap, frozen=True, kw_only=True):
+    """A map file. `lag_s`: what a sensor or a drive of such a plant may well lag by; left out, NaN:
+    as the records have it.
 
-    `held`: a row's inputs were in force *until* its time, as a run log has them, or *from* it on.
     `start`: variables set before each run, by name in the unit: a number, or the name of a channel
     whose reading there it is (CHANNEL_rate: its rate). `window_s`: runs are replayed in windows
-    that begin so; 0: whole; left out: chosen, where the start is of channels. `csv`: how a CSV file
-    is written. `time_unit`: that of the time column, where its name does not end with it.
-    `shortest_s`: how long a run must be.
+    that begin so; 0: whole; left out: chosen, where the start is of channels. `shortest_s`: how
+    long a run must be.
     """
 
-    lag_s: _Positive = _FROM_RECORDS
+    lag_s: Positive = _FROM_RECORDS
     inputs: dict[str, InputRow]
     channels: dict[str, ChannelRow]
     parameters: dict[str, ParameterRow]
-    terms: dict[str, TermRow] = {}
-    start: dict[str, _Number | str] = {}
+    terms: dict[str, TermRow] = msgspec.field(default_factory=dict)
+    start: dict[str, Number | str] = msgspec.field(default_factory=dict)
     window_s: Annotated[float, msgspec.Meta(ge=0, le=1e15)] | None = None
     time: str = "t_s"
-    time_unit: Literal["", "s", "ms", "us", "ns", "min", "h"] = ""
-    csv: CsvFormat = CsvFormat()
-    shortest_s: _Positive = 8.0
-    held: Literal["until", "from"] = "until"
-    name: str = ""
+    shortest_s: Positive = 8.0
 
 
 def read_map(path: Path) -> Map:

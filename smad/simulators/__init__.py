@@ -1,4 +1,4 @@
-"""Anybody's simulator as a plant of the diagnosis: a Python function, a MuJoCo model.
+"""Anybody's simulator as a plant of the diagnosis: a Python function, a MuJoCo model, an FMI unit.
 
 Start with `simulator` and `diagnose`; docs/your-simulator.md shows both.
 """

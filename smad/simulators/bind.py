@@ -97,7 +97,7 @@ def bind(
         declared,
         _signals(declared, [n for n in read if n not in exact], every),
         [_channel(declared, n, [r for group in runs for r in group]) for n in outputs],
-        lag_s=LAG_OF_CORRELATION * correlation_s,
+        lag_s=declared.lag_s or LAG_OF_CORRELATION * correlation_s,
         shortest_s=declared.shortest_s or min(Traits().shortest_s, _SHORTEST * correlation_s),
     )
     places = SimulatorPlaces(plant)
@@ -141,7 +141,7 @@ def _channel(declared: Simulator, name: str, runs: Sequence[GapRun]) -> Channel:
     return Channel(
         name=name,
         unit=declared.unit(name),
-        quantum=quantum_of(columns),
+        quantum=declared.quanta.get(name) or quantum_of(columns),
         low=ends[0],
         high=ends[1],
         noise=noise or UNMEASURED * (high - low),
@@ -193,4 +193,4 @@ def _defaults_in_words(
         f"values that change nothing in {tables[0].name}": by_role.idle,
     }
     words = "; ".join(f"{label}: {', '.join(names)}" for label, names in rows.items() if names)
-    return [f"{words}. Ranges, quanta and noise are those of the records"]
+    return [f"{words}. Ranges, quanta and noise are those of the records, unless given"]

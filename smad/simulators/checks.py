@@ -126,7 +126,8 @@ def roles(declared: Simulator, table: Table) -> Roles:
             action=f"begin from start[{peeked[0]!r}], and leave the rest of it alone",
         )
     for name in outputs:
-        if not np.isfinite(first[name]).all():
+        # What stops later is said of each run.
+        if not np.isfinite(first[name]).any():
             raise SimulatorError(
                 f"{declared.name} gives no numbers for {name} with the values it begins with",
                 value=table.name,

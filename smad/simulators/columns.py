@@ -107,22 +107,29 @@ def csv_format(keys: Mapping[str, str]) -> CsvFormat:
         ) from None
 
 
-def tables_of(runs: Any, time: str = "", form: CsvFormat | None = None) -> list[Table]:
+def tables_of(
+    runs: Any, time: str = "", form: CsvFormat | None = None, time_unit: str | None = None
+) -> list[Table]:
     """The records in files, patterns, mappings or frames of columns, and runs that are made.
 
     `time` is the column of the time, where it has none of the usual names: in the unit that its
-    name ends with, else in s. `form` says how a CSV file is written.
+    name ends with, else in s. A map has a `time_unit` or, where it is empty, only a time that may
+    well be in s. `form` says how a CSV file is written.
     Raises SimulatorError for what is none of these, or has no time.
     """
     single = isinstance(runs, (str, Path, GapRun, Table)) or hasattr(runs, "keys")
     if single or not isinstance(runs, Iterable):
         runs = [runs]
     return [
-        table for n, run in enumerate(runs, 1) for table in _tables(run, f"run {n}", time, form)
+        table
+        for n, run in enumerate(runs, 1)
+        for table in _tables(run, f"run {n}", time, form, time_unit)
     ]
 
 
-def _tables(run: Any, name: str, time: str, form: CsvFormat | None) -> Iterable[Table]:
+def _tables(
+    run: Any, name: str, time: str, form: CsvFormat | None, unit: str | None
+) -> Iterable[Table]:
     if isinstance(run, Table):
         return [run]
     if isinstance(run, GapRun):
@@ -131,12 +138,12 @@ def _tables(run: Any, name: str, time: str, form: CsvFormat | None) -> Iterable[
         paths = sorted(glob.glob(str(run))) if not Path(run).exists() else [str(run)]
         if not paths:
             raise SimulatorError(f"no file is {str(run)!r}", action="correct the path or pattern")
-        return [_of_file(Path(p), time, form) for p in paths]
+        return [_of_file(Path(p), time, form, unit) for p in paths]
     if hasattr(run, "keys"):
         columns = {str(k): _array(run[k]) for k in run} | _index_of(run)
         stamps = {n: _since_first(c) for n, c in columns.items() if c.dtype.kind in "mM"}
         time = time or ("" if _times(columns) else next(iter(stamps), ""))
-        return [_timed(name, columns | stamps, name, time, {}, stamps=tuple(stamps))]
+        return [_timed(name, columns | stamps, name, time, {}, unit=unit, stamps=tuple(stamps))]
     raise SimulatorError(
         "a run is neither a file nor a table of columns",
         value=type(run).__name__,
@@ -163,13 +170,15 @@ def _since_first(stamps: Any) -> Array:
     return np.asarray((stamps - stamps[:1]) / np.timedelta64(1, "s"), dtype=np.float64)
 
 
-def _of_file(path: Path, time: str, form: CsvFormat | None) -> Table:
+def _of_file(path: Path, time: str, form: CsvFormat | None, unit: str | None) -> Table:
     read = read_columns(path, form)
     notes = (*read.notes, *left_out(list(read.unread), ", since they are not numbers"))
     numbers = any(n not in read.stamps for n in _times(read.numbers))
     stamps = [*_times(read.stamps), *read.stamps]
     time = time or ("" if numbers or not stamps else stamps[0])
-    timed = _timed(path.stem, read.numbers, str(path), time, read.unread, stamps=read.stamps)
+    timed = _timed(
+        path.stem, read.numbers, str(path), time, read.unread, unit=unit, stamps=read.stamps
+    )
     return replace(timed, path=str(path), notes=(*notes, *timed.notes))
 
 
@@ -180,6 +189,7 @@ def _timed(
     called: str,
     unread: Mapping[str, str],
     *,
+    unit: str | None,
     stamps: Sequence[str] = (),
 ) -> Table:
     """The columns that are numbers on their time, in s, as `stamps` are already.
@@ -190,8 +200,9 @@ def _timed(
     if time is None:
         dates = [n for n, why in unread.items() if "time_format" in why and not called]
         broken = next((unread[t] for t in [*_times(unread, called), *dates]), "")
+        lacking = f"time column {called!r}" if called else "column of the time"
         raise SimulatorError(
-            broken or f"{where} has no column of the time",
+            broken or f"{where} has no {lacking}",
             value=None if broken else ", ".join(columns),
             limit=None if broken else ", ".join((called,) if called else (*TIMES, "time_ms …")),
             action="" if broken else "name it so, or say which it is: time = …",
@@ -212,7 +223,7 @@ def _timed(
         del numbers[n]
         texts[n] = f"{where}: column {n!r} has the shape {shape}, its time {column.shape}"
     notes += left_out(list(odd), ", since they are not as long as their time")
-    t_s = column if time in stamps else _in_s(column, time, where, stated=bool(called))
+    t_s = column if time in stamps else _in_s(column, time, where, unit, stated=bool(called))
     return Table(name, t_s, numbers, notes=notes, unread=texts)
 
 
@@ -228,21 +239,24 @@ def _times(names: Iterable[str], called: str = "") -> list[str]:
     return [*(n for n in TIMES if n in names), *with_unit]
 
 
-def _in_s(times: Array, name: str, where: str, *, stated: bool) -> Array:
-    """Times in s; `stated`: in s where the name has no other unit.
+def _in_s(times: Array, name: str, where: str, of_map: str | None, *, stated: bool) -> Array:
+    """Times in s; `stated`: in s where neither the map nor the name has another unit.
 
     Raises SimulatorError where a unit is missing that s cannot be.
     """
-    unit = unit_in(name)
+    unit = of_map or unit_in(name)
     if unit in units_for("s"):
         return convert(times, unit, "s")
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    if not stated and name != "t_s" and step > LONG_STEP_S:
+    if not (stated and of_map is None) and name != "t_s" and step > LONG_STEP_S:
+        remedy = "name it time_ms, or time_s"
+        if of_map is not None:
+            remedy = f'say it in the map, time_unit = "ms" (or s, us, ns, min, h), or {remedy}'
         raise SimulatorError(
             f"{where}: column {name!r} has no unit, and its samples would be seconds apart",
             value=f"{step:.6g} s",
             limit=f"{LONG_STEP_S:g} s without a unit in the name",
-            action="is it in ms? name it time_ms, or time_s",
+            action=f"is it in ms? {remedy}",
         )
     return times
 

@@ -10,6 +10,7 @@ from typing import Any
 from sim_device.plant.units import UNITS
 from smad.diagnosis.plant import Array, Effect, EffectParameter, Parameter
 from smad.simulators.errors import SimulatorError
+from smad.simulators.transducers import KINDS
 from smad.units import parted_name, unit_of
 
 Replay = Callable[[Array, Mapping[str, Array], Mapping[str, float], Mapping[str, float]], Any]
@@ -58,8 +59,10 @@ class Simulator:
 
     `forces` are inputs that no run has: the function adds them where they act, and they are places.
     `exact` inputs are no places, `observed` columns may be what a law goes with. `felt_at` says
-    through which force an input acts, whose place then stands for both. `save` writes a model. A
-    run must be `shortest_s` long; None: as the records ask for.
+    through which force an input acts, whose place then stands for both. `transducers` are the
+    kinds of errors that readings and drives may have; a lag is typically `lag_s`. A run must be
+    `shortest_s` long; None for both: as the records ask for. `save` writes a model, `pause` frees
+    what processes that are forked must not share.
     """
 
     function: Replay
@@ -73,11 +76,22 @@ class Simulator:
     labels: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
+    quanta: Mapping[str, float] = field(default_factory=dict)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     felt_at: Mapping[str, str] = field(default_factory=dict)
-    transducers: bool = False
+    transducers: Sequence[str] = ()
+    lag_s: float | None = None
     shortest_s: float | None = None
     save: Callable[..., None] | None = None
+    pause: Callable[[], None] | None = None
+
+    def __post_init__(self) -> None:
+        names = [value_name(e, q) for e in self.effects for q in e.parameters]
+        names += [p.name for p in self.parameters]
+        if twice := sorted({n for n in names if names.count(n) > 1}):
+            raise SimulatorError(
+                "two values of the simulator have one name", value=twice[0], action="rename one"
+            )
 
     def acts_at(self, name: str) -> str:
         """The place at which an input is felt: its own, or the force that it goes through."""
@@ -137,14 +151,8 @@ def simulator(
     title = getattr(function, "__name__", "") or type(function).__name__
     name = name or title.strip("<>")
     causes = tuple(_effect(n, row, name) for n, row in (effects or {}).items())
-    names = [p.name for p in adjustable] + [value_name(e, q) for e in causes for q in e.parameters]
     if shortest_s is not None and not 0.0 < shortest_s < math.inf:
         raise SimulatorError("shortest_s is no length", value=shortest_s, action="give s")
-    twice = sorted({n for n in names if names.count(n) > 1})
-    if twice:
-        raise SimulatorError(
-            "two values of the simulator have one name", value=twice[0], action="rename one"
-        )
     return Simulator(
         function=function,
         name=name,
@@ -156,7 +164,7 @@ def simulator(
         units=dict(units or {}),
         noise=dict(noise or {}),
         ranges=dict(ranges or {}),
-        transducers=transducers,
+        transducers=KINDS if transducers else (),
         shortest_s=shortest_s,
     )
 

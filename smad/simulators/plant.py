@@ -2,39 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 
 from smad.diagnosis.places.bare import BarePlaces
 from smad.diagnosis.places.place import Place
-from smad.diagnosis.plant import Array, Channel, Mask, ModelPoint, Signal, Uncertainty
+from smad.diagnosis.plant import Array, Channel, Mask, ModelPoint, Signal, Traits, Uncertainty
 from smad.diagnosis.runs import GapRun
 from smad.simulators.calling import called
 from smad.simulators.declare import Simulator, value_name
-from smad.simulators.errors import LostProcessError
-from smad.simulators.replayed import ReplayedPlant
+from smad.simulators.errors import LostProcessError, SimulatorError
+from smad.simulators.failures import Failures
+from smad.simulators.processes import Processes
 from smad.simulators.saving import save_values
-from smad.simulators.starts import Window
+from smad.simulators.starts import Window, Windows, by_window
 from smad.simulators.transducers import effects_of, transduced
 
+_MOST_REPLAYS = 128
+_MOVED = 0.01
+"""Of its range, from which on an input has moved."""
 _STILL = 0.02
 _RUNAWAY = 1e3
 """Times a channel's range beyond which a simulator has exploded."""
 
 
-class SimulatedPlant(ReplayedPlant):
-    """A declared function, replayed on the runs as they were recorded.
+class SimulatedPlant:
+    """A declared function, replayed on the runs as they were recorded; `PlantModel`, `InWindows`.
 
     Each run is replayed in windows of `window_s` that begin from its readings; 0: from its start
-    to its end. A point at which the function fails, or runs away, predicts NaN. As many threads as
-    there are `processes` are of use.
+    to its end. A point at which the function fails predicts NaN, one at which it runs away NaN from
+    there on. Safe to call from several threads; as many as there are `processes` are of use. The
+    latest replays are kept, so that errors of a reading do not make the same one again.
     """
-
-    most_replays = 128
 
     def __init__(
         self,
@@ -50,19 +56,53 @@ class SimulatedPlant(ReplayedPlant):
         effects = [replace(e, signals=e.signals or self._signals) for e in declared.effects]
         if declared.transducers:
             drives = [s for s in inputs if s.name not in declared.forces]
-            effects += effects_of(
-                channels, drives, lag_s, acts_at=declared.acts_at, saturation=True
-            )
-        super().__init__(
-            name=declared.name,
-            version=declared.version,
-            inputs=inputs,
-            channels=channels,
-            parameters=declared.parameters,
-            effects=effects,
-            shortest_s=shortest_s,
-        )
+            kinds = declared.transducers
+            effects += effects_of(channels, drives, lag_s, acts_at=declared.acts_at, kinds=kinds)
+        self.name, self.version = declared.name, declared.version
+        self.inputs, self.channels = inputs, channels
+        self.parameters, self.effects = declared.parameters, effects
+        self.shortest_s, self.window_s = shortest_s, 0.0
+        self.failures = Failures()
+        self.processes: Processes | None = None
+        self._windows = Windows(self._signals)
+        self._courses: OrderedDict[object, dict[str, Array]] = OrderedDict()
+        self._lock = Lock()
         self._largest = {s.name: max(abs(s.low), abs(s.high)) for s in inputs}
+
+    @property
+    def traits(self) -> Traits:
+        """How long a run must be, and how many replays are worth asking for at once."""
+        together = self.processes.count if self.processes else 1
+        return Traits(shortest_s=self.shortest_s, together=together)
+
+    def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
+        """See `PlantModel`; `fast` changes nothing."""
+        return self._sensed(point, run)
+
+    def begun_otherwise(self, point: ModelPoint, run: GapRun) -> Iterator[dict[str, Array]]:
+        """See `InWindows`."""
+        base = self.simulate(point, run)
+        for name in self.windows(run)[0].off:
+            yield from by_window(base, self._sensed(point, run, name), self.seams(run))
+
+    @contextlib.contextmanager
+    def in_processes(self, count: int) -> Iterator[None]:
+        """Replays are made in so many processes; 1: in this one.
+
+        Raises SimulatorError for what is no count.
+        """
+        if count < 1:
+            raise SimulatorError("processes is no count", value=count, action="give 1 or more")
+        with contextlib.ExitStack() as stack:
+            if count > 1:
+                if self.declared.pause is not None:
+                    self.declared.pause()
+                pool = Processes(self.play, count)
+                self.processes = stack.enter_context(contextlib.closing(pool))
+            try:
+                yield
+            finally:
+                self.processes = None
 
     def _driven(self, point: ModelPoint, run: GapRun, whole: GapRun) -> dict[str, Array]:
         """What the function is given: inputs as recorded, with what was added, as drives make it.
@@ -78,14 +118,15 @@ class SimulatedPlant(ReplayedPlant):
             if name in signals:
                 if run.whole is not None:
                     pushed = np.asarray(run.inputs[name], dtype=np.float64)
-                    more = pushed - self._means(run, values)
+                    more = pushed - _means(run, values)
                     if np.any(np.abs(more) > 1e-12 * self._largest[name]):
                         values = values + np.repeat(more, size)
                 values = transduced(values, point.effects, name, whole.t_s, self._largest[name])
             driven[name] = values
         return driven
 
-    def _course(self, point: ModelPoint, run: GapRun, moved: str) -> tuple[Array, dict[str, Array]]:
+    def _sensed(self, point: ModelPoint, run: GapRun, moved: str = "") -> dict[str, Array]:
+        """What is shown with one reading or rate moved, from which all windows begin."""
         whole = run.as_recorded
         driven = self._driven(point, run, whole)
         values = self.declared.values(point.theta, point.effects)
@@ -94,8 +135,17 @@ class SimulatedPlant(ReplayedPlant):
             tuple(values.values()),
             *(hash(driven[n].tobytes()) for n in sorted(driven)),
         )
-        course = self._remembered(key, lambda: self._replayed(values, whole, driven, moved))
-        return whole.t_s, course
+        with self._lock:
+            course = self._courses.get(key)
+        if course is None:
+            course = self._replayed(values, whole, driven, moved)
+        with self._lock:
+            self._courses[key] = course
+            self._courses.move_to_end(key)
+            while len(self._courses) > _MOST_REPLAYS:
+                self._courses.popitem(last=False)
+        shown = {n: transduced(y, point.effects, n, whole.t_s) for n, y in course.items()}
+        return shown if run.whole is None else {n: _means(run, y) for n, y in shown.items()}
 
     def _replayed(
         self, values: Mapping[str, float], whole: GapRun, driven: Mapping[str, Array], moved: str
@@ -107,20 +157,26 @@ class SimulatedPlant(ReplayedPlant):
                 (whole.t_s[a:b], {n: v[a:b] for n, v in driven.items()}, dict(start))
                 for a, b, start, _ in windows
             ]
-            played = self._play(dict(values), parts)
+            play = self.processes.called if self.processes else self.play
+            played = play(dict(values), parts)
             out = {n: np.concatenate([part[n] for part in played]) for n in self._signals}
-            away = [c.name for c in self.channels if not _bounded(c, out[c.name])]
-            why = f"{away[0]} runs away" if away else ""
+            bounded = {c.name: _bounded(c, out[c.name]) for c in self.channels}
+            out = {n: np.where(good, out[n], np.nan) for n, good in bounded.items()}
+            away = [n for n, good in bounded.items() if not good.all()]
+            why = ""
+            if away:
+                k = int(np.argmin(bounded[away[0]]))
+                why = f"{away[0]} runs away, or is no number, from {whole.t_s[k]:.6g} s on"
         except LostProcessError:
             raise
         except Exception as error:  # whatever somebody else's function does at some point
+            out = {n: np.full(len(whole.t_s), np.nan) for n in self._signals}
             why = f"{type(error).__name__}: {error}"
         self.failures.count(self._present(values), failed=bool(why))
-        if not why:
-            return out
-        words = ", ".join(f"{n} = {v:.4g}" for n, v in values.items() if v)
-        self.failures.add(f"{why} at {words}")
-        return {n: np.full(len(whole.t_s), np.nan) for n in self._signals}
+        if why:
+            words = ", ".join(f"{n} = {v:.4g}" for n, v in values.items() if v)
+            self.failures.add(f"{why} at {words} in run {whole.name}")
+        return out
 
     def _present(self, values: Mapping[str, float]) -> list[str]:
         """The declared effects that a replay with these values has."""
@@ -149,14 +205,22 @@ class SimulatedPlant(ReplayedPlant):
         starts = [whole.t_s[a] for a, *_ in self.windows(whole)]
         return sorted({int(np.searchsorted(run.t_s, t)) for t in starts} | {0})
 
-    def _means(self, run: GapRun, y: Array) -> Array:
-        size = run.pieces
-        starts = np.r_[0, np.cumsum(size)[:-1]].astype(np.intp)
-        return np.asarray(np.add.reduceat(y, starts) / size)
+    def regimes(self, run: GapRun, side: str) -> dict[str, Mask]:
+        """At rest until an input first moves; then by each input above and below its middle."""
+        rest = self._at_rest(run)
+        out = {"rest": rest}
+        for s in self.inputs:
+            high = np.asarray(run.inputs[s.name]) > (s.low + s.high) / 2
+            out[f"{s.name} high"], out[f"{s.name} low"] = high & ~rest, ~high & ~rest
+        return out
 
     def _at_rest(self, run: GapRun) -> Mask:
         """At no time where something that is measured moves before an input does."""
-        rest = super()._at_rest(run)
+        moved = np.zeros(len(run.t_s), dtype=bool)
+        for s in self.inputs:
+            column = np.asarray(run.inputs[s.name])
+            moved |= np.abs(column - column[0]) > _MOVED * (s.high - s.low)
+        rest = np.asarray(np.cumsum(moved) == 0)
         for column in run.outputs.values():
             still = np.ptp(column[rest]) if rest.any() else 0.0
             if still > _STILL * float(np.ptp(column)):
@@ -210,6 +274,14 @@ class SimulatorPlaces(BarePlaces):
             of.save(point, path, note, uncertainty)
 
 
-def _bounded(c: Channel, y: Array) -> bool:
+def _means(run: GapRun, y: Array) -> Array:
+    """Of what is shown at the times of a run as recorded, the values of the thinned one."""
+    size = run.pieces
+    starts = np.r_[0, np.cumsum(size)[:-1]].astype(np.intp)
+    return np.asarray(np.add.reduceat(y, starts) / size)
+
+
+def _bounded(c: Channel, y: Array) -> Mask:
+    """Where a channel has not yet run away, (n,)."""
     most = _RUNAWAY * max(c.high - c.low, abs(c.low), abs(c.high))
-    return bool(np.all(np.abs(y) < most))
+    return np.asarray(np.logical_and.accumulate(np.abs(y) < most))

@@ -5,7 +5,7 @@ Each effect has one strength. At 0 the signal passes unchanged, to the last bit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +18,8 @@ _GAIN = (0.05, 0.5)
 _ZERO_OF_RANGE = (0.02, 0.25)
 _LONGEST = 10.0
 _SATURATES = (0.2, 0.9)
+KINDS = ("gain", "zero", "lag", "delay", "saturation")
+"""What a sensor or a drive may do to a signal; only a drive saturates."""
 
 
 def effects_of(
@@ -26,22 +28,21 @@ def effects_of(
     lag_s: float,
     *,
     acts_at: Callable[[str], str] = INPUT.__add__,
-    delay: bool = True,
-    saturation: bool = False,
+    kinds: Collection[str],
 ) -> list[Effect]:
-    """The effects of each reading, then of each drive, named `{signal}_gain`, `_zero`, `_lag`.
+    """The effects of each reading, then of each drive, named `{signal}_gain`, `_zero`, `_lag` …
 
-    `lag_s` is what either may well lag by; a drive `acts_at` a place of the diagnosis. Only with
-    `delay` may a signal be late, only with `saturation` a drive saturate.
+    Of all the `kinds` are taken that are named; saturation is one of a drive. `lag_s` is what
+    either may well lag by; a drive `acts_at` a place of the diagnosis.
     """
     everything = tuple(c.name for c in channels)
     effects: list[Effect] = []
     for c in channels:
         felt = _Felt(f"reading {c.name}", (c.name,), f"{READING}{c.name}")
-        effects += _effects(c, felt, lag_s, delay=delay)
+        effects += _effects(c, felt, lag_s, set(kinds) - {"saturation"})
     for s in drives:
         felt = _Felt(f"drive {s.name}", everything, acts_at(s.name))
-        effects += _effects(s, felt, lag_s, delay=delay, saturation=saturation)
+        effects += _effects(s, felt, lag_s, kinds)
     return effects
 
 
@@ -54,22 +55,21 @@ class _Felt(NamedTuple):
 
 
 def _effects(
-    of: Channel | Signal, felt: _Felt, lag_s: float, *, delay: bool, saturation: bool = False
+    of: Channel | Signal, felt: _Felt, lag_s: float, kinds: Collection[str]
 ) -> Iterable[Effect]:
     gain, most_gain = _GAIN
     zero, most_zero = (share * (of.high - of.low) for share in _ZERO_OF_RANGE)
     longest = _LONGEST * lag_s
-    rows = [
+    cut = _value("cut", "1", _SATURATES[0], 0.0, _SATURATES[1])
+    for end, title, value, law in (
         ("gain", "gain error", _value("g", "1", gain, -most_gain, most_gain), "(1 + g)·y"),
         ("zero", "zero error", _value("b", of.unit, zero, -most_zero, most_zero), "y + b"),
         ("lag", "lag", _value("tau_s", "s", lag_s, 0.0, longest), "tau·s' = y − s"),
-    ]
-    if delay:
-        rows.append(("delay", "delay", _value("T_s", "s", lag_s, 0.0, longest), "y(t − T)"))
-    if saturation:
-        cut = _value("cut", "1", _SATURATES[0], 0.0, _SATURATES[1])
-        rows.append(("saturation", "saturation", cut, "|y| ≤ (1 − cut)·largest"))
-    for end, title, value, law in rows:
+        ("delay", "delay", _value("T_s", "s", lag_s, 0.0, longest), "y(t − T)"),
+        ("saturation", "saturation", cut, "|y| ≤ (1 − cut)·largest"),
+    ):
+        if end not in kinds:
+            continue
         yield Effect(
             name=f"{of.name}_{end}",
             title=f"{title} of the {felt.words}",

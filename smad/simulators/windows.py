@@ -19,7 +19,7 @@ from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.plant import Array, Mask, ModelPoint, moved_parameters, nominal_point, traits_of
 from smad.diagnosis.runs import GapRun
 from smad.simulators.errors import SimulatorError
-from smad.simulators.replayed import ReplayedPlant
+from smad.simulators.plant import SimulatedPlant
 
 _FOLLOWS = 0.25
 """Error over the signal's standard deviation up to which a model follows a run, as configured."""
@@ -41,7 +41,7 @@ _MOST_RUNS = 4
 
 
 def choose_window(
-    plant: ReplayedPlant, runs: Sequence[GapRun], window_s: float | None
+    plant: SimulatedPlant, runs: Sequence[GapRun], window_s: float | None
 ) -> tuple[float, str]:
     """The length of a window in s, 0 for whole runs, and why in words.
 
@@ -79,14 +79,14 @@ def choose_window(
     )
 
 
-def _usable(plant: ReplayedPlant, run: GapRun) -> GapRun:
+def _usable(plant: SimulatedPlant, run: GapRun) -> GapRun:
     """A run as it will be admitted: up to its first hole, without NaN."""
     row_s = row_of_admitted_s([run], plant)
     used = filled(with_lost(up_to_first_hole(run, row_s, lambda *_, **__: None)))
     return replace(used, outputs={n: y for n, y in used.outputs.items() if np.isfinite(y).all()})
 
 
-def _validated(plant: ReplayedPlant, runs: Sequence[GapRun], window_s: float) -> tuple[float, str]:
+def _validated(plant: SimulatedPlant, runs: Sequence[GapRun], window_s: float) -> tuple[float, str]:
     if not window_s >= 0.0:
         raise SimulatorError("window_s is no length", value=window_s, action="give s, or 0")
     if window_s == 0.0:
@@ -108,7 +108,7 @@ def _validated(plant: ReplayedPlant, runs: Sequence[GapRun], window_s: float) ->
     return window_s, f"replayed in windows of {window_s:.3g} s that begin from the readings"
 
 
-def forgets_its_start(plant: ReplayedPlant, run: GapRun) -> bool:
+def forgets_its_start(plant: SimulatedPlant, run: GapRun) -> bool:
     """Whether the model shows the same at the end of a run wherever the readings have it begin.
 
     Then errors do not grow, and a window would add that of its start.
@@ -124,7 +124,7 @@ def forgets_its_start(plant: ReplayedPlant, run: GapRun) -> bool:
 
 
 def _begun_elsewhere(
-    plant: ReplayedPlant, run: GapRun
+    plant: SimulatedPlant, run: GapRun
 ) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
     """What the model predicts of a whole run, from its start and from quite another one."""
     moved = {
@@ -139,7 +139,7 @@ def _begun_elsewhere(
 
 
 def lost_by(
-    plant: ReplayedPlant, point: ModelPoint, runs: Sequence[GapRun], window_s: float
+    plant: SimulatedPlant, point: ModelPoint, runs: Sequence[GapRun], window_s: float
 ) -> float:
     """Prediction error over the signal's standard deviation, both over all runs: of the worst
     channel, the larger of the whole and of the last quarter of each window (or run)."""
@@ -165,7 +165,7 @@ def _late(run: GapRun, window_s: float) -> Mask:
 
 
 def _replayed(
-    plant: ReplayedPlant, point: ModelPoint, runs: Sequence[GapRun], window_s: float
+    plant: SimulatedPlant, point: ModelPoint, runs: Sequence[GapRun], window_s: float
 ) -> list[dict[str, Array]]:
     before, plant.window_s = plant.window_s, window_s
     try:
@@ -174,7 +174,7 @@ def _replayed(
         plant.window_s = before
 
 
-def _lengths(plant: ReplayedPlant, runs: Sequence[GapRun]) -> list[float]:
+def _lengths(plant: SimulatedPlant, runs: Sequence[GapRun]) -> list[float]:
     """Lengths that windows may have, longest first: halves of a run, down to a few rows."""
     longest = float(np.median([r.duration_s for r in runs])) / 2.0
     least = _LEAST_ROWS * row_length_s(runs, plant)
@@ -184,7 +184,7 @@ def _lengths(plant: ReplayedPlant, runs: Sequence[GapRun]) -> list[float]:
 
 
 def fitted(
-    plant: ReplayedPlant, start: ModelPoint, runs: Sequence[GapRun], window_s: float
+    plant: SimulatedPlant, start: ModelPoint, runs: Sequence[GapRun], window_s: float
 ) -> ModelPoint:
     """The parameters that predict best in windows, by least squares with priors."""
 

@@ -12,11 +12,10 @@ from smad.diagnosis import Answer
 from smad.diagnosis.plant import Parameter
 from smad.progress import Say
 from smad.records.column_names import unit_in
-from smad.records.tables import left_out
-from smad.records.units import Written
 from smad.simulators.asking import diagnose
-from smad.simulators.columns import Table, span_of, tables_of
-from smad.simulators.declare import PRIOR_OF_RANGE, Simulator, unit_of_value
+from smad.simulators.by_map import tables_by_map
+from smad.simulators.columns import Table, span_of
+from smad.simulators.declare import Simulator, unit_of_value
 from smad.simulators.errors import SimulatorError
 from smad.simulators.mjcf.library import (
     joint_effects,
@@ -26,12 +25,13 @@ from smad.simulators.mjcf.library import (
     play,
     scale_of,
 )
-from smad.simulators.mjcf.map_file import ChannelRow, InputRow, MjcfMap, ParameterRow, read_map
+from smad.simulators.mjcf.map_file import MjcfMap, ParameterRow, read_map
 from smad.simulators.mjcf.model import MujocoModel, load
 from smad.simulators.mjcf.parts import number_of
 from smad.simulators.mjcf.saving import save
 from smad.simulators.planning import Plan, plan
-from smad.units import alternatives, convertible, spelt, units_for
+from smad.simulators.transducers import KINDS
+from smad.units import units_for
 
 
 def diagnose_mjcf(
@@ -87,10 +87,14 @@ def declare_mjcf(
     Raises SimulatorError for a run without an input or, where `measured`, without any channel.
     """
     mapped, spec = read_map(map_path), load(model)
-    tables = [
-        [_mapped(t, mapped, measured=measured) for t in tables_of(group, mapped.time, mapped.csv)]
-        for group in groups
-    ]
+    tables = tables_by_map(
+        groups,
+        mapped,
+        mapped.inputs,
+        mapped.channels,
+        observed=mapped.observed,
+        measured=measured,
+    )
     replay = MujocoModel(spec, mapped)
     assumed = [
         f"{n} has no unit in its name or the map; {unit} is assumed"
@@ -144,7 +148,7 @@ def _declared(
         felt_at=felt,
         labels=labels,
         units=units,
-        transducers=True,
+        transducers=KINDS,
         noise={n: r.noise for n, r in mapped.channels.items() if r.noise is not None},
         shortest_s=mapped.shortest_s,
         save=partial(save, replay),
@@ -165,16 +169,6 @@ def _driving(replay: MujocoModel, joint: int) -> dict[str, float]:
 
 
 def _parameter(replay: MujocoModel, name: str, row: ParameterRow) -> Parameter:
-    """A row of the map, with what it leaves out: the model's own value, a sixth of the range."""
-    nominal = replay.nominal(name) if row.nominal is None else row.nominal
-    if not row.low < row.high or not row.low <= nominal <= row.high:
-        raise SimulatorError(
-            f"parameters.{name} does not begin within its range",
-            value=nominal,
-            limit=f"{row.low:g} to {row.high:g}",
-            action="give nominal, or another range, in the map",
-        )
-    prior = row.prior_sd or PRIOR_OF_RANGE * (row.high - row.low)
     unit, named = replay.unit_of_field(name), unit_in(name)
     unit_of_value(name)
     if named and unit in units_for(named) and named != unit:
@@ -184,49 +178,4 @@ def _parameter(replay: MujocoModel, name: str, row: ParameterRow) -> Parameter:
             limit=unit,
             action=f"give its values in {unit}, and name it so",
         )
-    return Parameter(
-        name=name, unit=unit, nominal=nominal, low=row.low, high=row.high, prior_sd=prior
-    )
-
-
-def _mapped(table: Table, mapped: MjcfMap, *, measured: bool) -> Table:
-    """The columns that the map names, by its own names and in their units."""
-    rows: dict[str, InputRow | ChannelRow] = {**mapped.inputs, **mapped.channels}
-    sources = {n: c for n, row in rows.items() if (c := row.column or n) in table.columns}
-    written = {name: _written(rows[name], name) for name in sources}
-    columns = {name: written[name].values(table.columns[c]) for name, c in sources.items()}
-    lacking = [n for n in mapped.inputs if n not in columns]
-    if measured and not columns.keys() & mapped.channels.keys():
-        lacking += mapped.channels
-    if lacking:
-        raise SimulatorError(
-            f"{table.name} has no column {rows[lacking[0]].column or lacking[0]!r}, which the map "
-            "names",
-            limit=", ".join(table.columns),
-            action="correct the map, or leave the run out",
-        )
-    columns |= {n: table.columns[n] for n in mapped.observed if n in table.columns}
-    named = {row.column or name for name, row in rows.items()} | set(mapped.observed)
-    unused = left_out([n for n in table.columns if n not in named], ", which the map does not name")
-    return replace(table, columns=columns, notes=(*table.notes, *unused), written=written)
-
-
-def _written(row: InputRow | ChannelRow, name: str) -> Written:
-    """How a column stands in its file: in `column_unit`, or in the unit that its name ends with.
-
-    Raises SimulatorError for units of two quantities, unless the row says how these are converted.
-    """
-    stated, named = spelt(row.column_unit), unit_in(row.column)
-    target = unit_in(name) or (row.unit if stated else "")
-    plain = not row.unit and (row.scale, row.offset) == (1.0, 0.0)
-    unit = stated or (named if plain else "")
-    if not target or not unit or target == unit:
-        return Written()
-    if not convertible(unit, target):
-        raise SimulatorError(
-            f"the map gives {name} a column in another unit",
-            value=row.column_unit or row.column,
-            limit=alternatives(target),
-            action="name it by its unit, or give scale and offset",
-        )
-    return Written.of(unit, target)
+    return row.declared(name, unit, replay.nominal(name))

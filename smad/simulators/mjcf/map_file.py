@@ -3,29 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 
 from smad.config.toml_file import read_toml
-from smad.records.csv_table import CsvFormat
+from smad.simulators.by_map import ColumnMap, ColumnRow, Held, ModelParameterRow, Positive
 from smad.simulators.errors import SimulatorError
 
-_Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]
-_Positive = Annotated[float, msgspec.Meta(gt=0, le=1e15)]
-Held = Literal["until", "from"]
 PAGE = "your-simulator"
 
 
-class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    column: str = ""
-    column_unit: str = ""
-    unit: str = ""
-    scale: _Number = 1.0
-    offset: _Number = 0.0
-
-
-class InputRow(_Row, frozen=True, kw_only=True):
+class InputRow(ColumnRow, frozen=True, kw_only=True):
     """An input: control of the `actuator`, or torque at the `joint` = scale · column + offset.
 
     `held`: the row's value was in force *until* its time, or *from* it on. `exact` inputs are no
@@ -38,7 +27,7 @@ class InputRow(_Row, frozen=True, kw_only=True):
     exact: bool = False
 
 
-class ChannelRow(_Row, frozen=True, kw_only=True):
+class ChannelRow(ColumnRow, frozen=True, kw_only=True):
     """What was measured: position of the `joint`, `velocity_of` one, or number `index` of a
     `sensor`; channel = scale · value + offset."""
 
@@ -46,37 +35,28 @@ class ChannelRow(_Row, frozen=True, kw_only=True):
     velocity_of: str = ""
     sensor: str = ""
     index: Annotated[int, msgspec.Meta(ge=0)] = 0
-    noise: _Positive | None = None
+    noise: Positive | None = None
 
 
-class ParameterRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class ParameterRow(ModelParameterRow, frozen=True, kw_only=True):
     """The `field` of the part `of` that the refit may move; it begins where the model has it."""
 
     field: str
     of: str = ""
-    low: _Number
-    high: _Number
-    nominal: _Number | None = None
-    prior_sd: _Positive | None = None
 
 
-class MjcfMap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class MjcfMap(ColumnMap, frozen=True, kw_only=True):
     """A map file. `payload_at` are the bodies that may carry one (default: all that move).
 
-    `shortest_s`: how long a run must be. `csv`: how a CSV file is written. `time`: its column, in
-    the unit that its name ends with, else in s.
+    `shortest_s`: how long a run must be.
     """
 
     channels: dict[str, ChannelRow]
     parameters: dict[str, ParameterRow]
-    inputs: dict[str, InputRow] = {}
-    held: Held = "until"
-    time: str = ""
-    csv: CsvFormat = CsvFormat()
-    name: str = ""
+    inputs: dict[str, InputRow] = msgspec.field(default_factory=dict)
     payload_at: tuple[str, ...] | None = None
     observed: tuple[str, ...] = ()
-    shortest_s: _Positive | None = None
+    shortest_s: Positive | None = None
 
 
 def read_map(path: Path) -> MjcfMap:

@@ -9,6 +9,11 @@ from pathlib import Path
 import numpy as np
 from pythonfmu.builder import FmuBuilder
 
+from smad.diagnosis.runs import GapRun
+from smad.fmi.map_file import Map
+from smad.simulators.by_map import tables_by_map
+from smad.simulators.columns import require_time, run_of
+
 DT = 0.1
 MAP = """
 lag_s = 2.0
@@ -57,6 +62,13 @@ zero = -273.15
 span = 300.0
 power = 4.0
 """
+
+
+def read_mapped(path: Path, mapped: Map) -> GapRun:
+    """A run by a map."""
+    ((table,),) = tables_by_map([path], mapped, mapped.inputs, mapped.channels)
+    require_time(table)
+    return run_of(table, list(mapped.inputs), list(mapped.channels))
 
 
 def heater_unit(folder: Path) -> Path:

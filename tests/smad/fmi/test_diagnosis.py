@@ -15,16 +15,18 @@ from pythonfmu.builder import FmuBuilder
 
 from smad.cli import execute
 from smad.diagnosis.plant import ModelPoint
-from smad.fmi.asked import read_mapped
-from smad.fmi.completed import completed
+from smad.errors import SmadError
+from smad.fmi.asked import declare_unit
 from smad.fmi.errors import FmiError
 from smad.fmi.map_file import Map, read_map
-from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import MOST_BYTES, open_unit
+from smad.simulators.bind import Bound, bind
+from smad.simulators.errors import SimulatorError
+from smad.simulators.plant import SimulatedPlant
 from tests.smad.diagnosis.cases import strong
 from tests.smad.runlog.helpers import write_small_run
 
-from .heater import MAP, compiled_unit, heater_unit, run_file
+from .heater import MAP, compiled_unit, heater_unit, read_mapped, run_file
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +40,14 @@ def read_map_of(folder: Path, text: str) -> Map:
     return read_map(path)
 
 
-def plant_of(unit: Path, folder: Path, text: str = MAP) -> FmuPlant:
-    return FmuPlant(open_unit(unit), read_map_of(folder, text))
+def bound_unit(unit: Path, folder: Path, text: str = MAP, run: Path | None = None) -> Bound:
+    run = run or run_file(folder / "bound.csv", 1)
+    declared, (tables,) = declare_unit(open_unit(unit), read_map_of(folder, text), [run])
+    return bind(declared, tables)
+
+
+def plant_of(unit: Path, folder: Path, text: str = MAP, run: Path | None = None) -> SimulatedPlant:
+    return bound_unit(unit, folder, text, run).plant.plain
 
 
 def test_the_missing_radiation_of_a_heater_is_found_in_what_heats_it(
@@ -127,7 +135,6 @@ def test_a_compiled_unit_without_python_gives_the_same(unit: Path, tmp_path: Pat
             plant.simulate(point, run)["temperature_degC"] for plant in (script, compiled)
         )
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
-    compiled.close()
 
 
 def test_an_effect_that_is_off_leaves_the_replay_as_it_is(unit: Path, tmp_path: Path) -> None:
@@ -230,32 +237,39 @@ def test_a_map_that_does_not_fit_is_told_in_one_line(
     unit: Path, tmp_path: Path, old: str, new: str, words: str
 ) -> None:
     assert old in MAP
-    with pytest.raises(FmiError) as caught:
+    with pytest.raises(SmadError) as caught:
         plant_of(unit, tmp_path, MAP.replace(old, new))
     assert words in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
 
 
-def test_what_a_map_leaves_out_is_taken_from_the_records(tmp_path: Path) -> None:
+def test_what_a_map_leaves_out_is_taken_from_the_records(unit: Path, tmp_path: Path) -> None:
     left_out = r"(?m)^(lag_s|quantum|noise) .*$|^low = (0.0|-20.0)\nhigh = .*$|^span.*$|^power.*$"
-    mapped = read_map_of(tmp_path, re.sub(left_out, "", MAP) + 'shape = "sign"\n')
-    run = read_mapped(run_file(tmp_path / "a.csv", 1), mapped)
-    whole, said = completed(mapped, [run])
-    power, reading = whole.inputs["power_W"], whole.channels["temperature_degC"]
+    text = re.sub(left_out, "", MAP) + 'shape = "sign"\n'
+    bound = bound_unit(unit, tmp_path, text)
+    plant, run = bound.plant.plain, bound.groups[0][0]
+    (power,), (reading,) = plant.inputs, plant.channels
     shown = run.outputs["temperature_degC"]
     assert (power.low, power.high) == (np.min(run.inputs["power_W"]), np.max(run.inputs["power_W"]))
     assert reading.high - reading.low == pytest.approx(3.0 * np.ptp(shown))
     assert reading.quantum == pytest.approx(0.01, rel=0.01)
     assert 0.02 < reading.noise < 0.05
-    assert 0.1 < whole.lag_s < 2.0
-    assert whole.terms["radiation"].width == pytest.approx(0.03 * np.ptp(shown))
-    assert said.startswith(
-        "taken from the records: low, high of power_W; low, high, quantum, noise"
+    (lag, term) = (
+        next(e for e in plant.effects if e.name == n) for n in ("temperature_degC_lag", "radiation")
     )
-    with pytest.raises(FmiError, match="power_W has no range, and no run has its column"):
-        completed(mapped, [])
-    given = read_map_of(tmp_path, MAP)
-    assert completed(given, [run]) == (given, "")
+    assert 0.1 < lag.parameters[0].typical < 2.0
+    assert f"/{0.01 * np.ptp(shown):g})" in term.equation
+    assert bound.said[0].endswith("Ranges, quanta and noise are those of the records, unless given")
+    (given,) = plant_of(unit, tmp_path, MAP).channels
+    assert (given.low, given.high, given.quantum, given.noise) == (-20.0, 150.0, 0.01, 0.03)
+
+
+def test_a_sign_of_a_channel_without_range_or_column_is_refused(unit: Path, tmp_path: Path) -> None:
+    more = MAP.replace("low = -20.0\nhigh = 150.0\n", "").replace("power = 4.0", 'shape = "sign"')
+    (tmp_path / "a.csv").write_text("t_s,power_W,temperature_degC\n")
+    mapped = read_map_of(tmp_path, more.replace("span = 300.0\n", ""))
+    with pytest.raises(FmiError, match="temperature_degC has no range, and no run has its column"):
+        declare_unit(open_unit(unit), mapped, [])
 
 
 def rewritten(unit: Path, target: Path, change: Callable[[str, bytes], bytes | None]) -> Path:
@@ -320,8 +334,8 @@ def test_a_torn_archive_and_one_that_unpacks_to_too_much_are_refused(
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ("t_s,temperature_degC\n0,22\n1,23\n", "has no column of power_W"),
-        ("t_s,power_W\n0,0\n1,1\n", "has no column of any channel"),
+        ("t_s,temperature_degC\n0,22\n1,23\n", "has no column 'power_W'"),
+        ("t_s,power_W\n0,0\n1,1\n", "has no column 'temperature_degC'"),
         ("time,power_W,temperature_degC\n0,0,22\n", "has no time column 't_s'"),
         ("t_s,power_W,temperature_degC\n0,0,22\n0,0,22\n", "does not increase at row 2"),
     ],
@@ -331,7 +345,7 @@ def test_a_run_that_the_map_does_not_fit_is_told_in_one_line(
 ) -> None:
     (tmp_path / "map.toml").write_text(MAP)
     (tmp_path / "a.csv").write_text(table)
-    with pytest.raises(FmiError) as caught:
+    with pytest.raises(SimulatorError) as caught:
         read_mapped(tmp_path / "a.csv", read_map(tmp_path / "map.toml"))
     assert words in str(caught.value)
 
@@ -344,7 +358,7 @@ def test_a_run_log_is_read_by_its_channels_and_converted(unit: Path, tmp_path: P
     text = text.replace(
         'variable = "temperature"', 'variable = "temperature"\ncolumn = "rtd_x_degC"\noffset = 1.0'
     )
-    plant = plant_of(unit, tmp_path, text)
+    plant = plant_of(unit, tmp_path, text, log)
     run = read_mapped(log, read_map(tmp_path / "map.toml"))
     np.testing.assert_allclose(run.inputs["power_W"], 12.0 * np.arange(50) / 1000)
     np.testing.assert_allclose(run.outputs["temperature_degC"], 20 + np.arange(50) / 100)
@@ -384,4 +398,8 @@ def test_a_point_at_which_a_unit_stops_is_counted_and_said(tmp_path: Path) -> No
     assert plant.failures.notes == []
     plant.simulate(ModelPoint({"loss_W_K": 0.7}), run)
     (said,) = plant.failures.notes
-    assert re.match(r"1 of 3 replays gave no numbers.*dropped: run 0 at 0\.\d s, with .*0\.7", said)
+    assert re.match(
+        r"1 of \d+ replays gave no numbers.*dropped: temperature_degC runs away, or is no "
+        r"number, from 0\.\d s on at .*loss_W_K = 0\.7.* in run 0",
+        said,
+    )

@@ -33,13 +33,12 @@ from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant, read_gap_run
 from smad.diagnosis.spring_pair.signals import read_recorded
 from smad.errors import SmadError
-from smad.fmi.asked import read_mapped
 from smad.fmi.map_file import read_map
 from smad.records.importer import import_table
 from smad.runlog.header import RunHeader
 from smad.runlog.schema import Row
 from smad.runlog.writer import write_run
-from tests.smad.fmi.heater import MAP
+from tests.smad.fmi.heater import MAP, read_mapped
 
 Columns = dict[str, Array]
 

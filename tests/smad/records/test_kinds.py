@@ -5,10 +5,9 @@ from pathlib import Path
 import pytest
 
 from smad.diagnosis.spring_pair import SmaPlant, read_gap_run
-from smad.fmi.asked import read_mapped
 from smad.fmi.map_file import read_map
 from smad.records.importer import import_table
-from tests.smad.fmi.heater import MAP
+from tests.smad.fmi.heater import MAP, read_mapped
 from tests.smad.records.kinds import (
     KINDS,
     READERS,
