@@ -9,7 +9,7 @@ from smad.style.palette import css
 _STATIC = Path(__file__).parent / "static"
 _UPLOT_EXPORT = "export { uPlot as default };"
 _IMPORT = re.compile(r"^import .*?;\n", re.MULTILINE | re.DOTALL)
-_PLOTS = ("plots.js", "sheet.js", "plane.js", "panels.js")
+_PLOTS = ("vendor/font.js", "plots.js", "sheet.js", "plane.js", "panels.js")
 _KINDS = {
     ".html": "text/html",
     ".js": "text/javascript",

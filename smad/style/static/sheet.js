@@ -2,6 +2,7 @@
 // lines and texts in points; each format writes that list. Colours are those of print.
 
 import { css, decimals, element, shown } from "./plots.js";
+import { PRINT_FONT } from "./vendor/font.js";
 
 const MM = 72 / 25.4;
 export const WIDTHS_MM = { "one column": 85, "two columns": 175 };
@@ -145,15 +146,33 @@ export function svgOf({ width, height, items }) {
   return `<svg xmlns="http://www.w3.org/2000/svg" width="${round(width)}pt" height="${round(height)}pt" viewBox="0 0 ${round(width)} ${round(height)}" font-family="Helvetica, Arial, sans-serif" font-size="${SIZE_PT}">\n<rect width="100%" height="100%" fill="#ffffff"/>\n${drawn.join("\n")}\n</svg>\n`;
 }
 
-// Windows-1252, which the font of the PDF has; U+2212 has no place there.
-const CP1252 = new Map([["−", 0x2d], ["–", 0x96], ["…", 0x85], ["→", 0x2d]]);
-const bytesOf = (words) => Array.from(words, (letter) => CP1252.get(letter) ?? (letter.charCodeAt(0) < 256 ? letter.charCodeAt(0) : 0x3f));
-const literal = (words) => `(${bytesOf(words).map((code) => (code > 126 || code < 32 || "()\\".includes(String.fromCharCode(code))
-  ? `\\${code.toString(8).padStart(3, "0")}` : String.fromCharCode(code))).join("")})`;
+const glyphOf = (letter) => PRINT_FONT.glyphs[letter] ?? PRINT_FONT.glyphs["?"];
+const widthOf = (words) => Array.from(words, (letter) => glyphOf(letter)[1]).reduce((a, b) => a + b, 0) * SIZE_PT / 1000;
+const hex = (number, digits = 4) => number.toString(16).padStart(digits, "0");
+const glyphsOf = (words) => `<${Array.from(words, (letter) => hex(glyphOf(letter)[0])).join("")}>`;
 
-// Widths of Helvetica in thousandths, by kind of letter: near enough to align a number.
-const widthOf = (words) => Array.from(words, (letter) => (/[.,:;il|!' ]/.test(letter) ? 0.28 : /[mwMW%]/.test(letter) ? 0.86 : /[A-Z]/.test(letter) ? 0.68 : 0.55)).reduce((a, b) => a + b, 0) * SIZE_PT;
+// The objects of a PDF, from number `first` on, that embed the font: publishers refuse a file
+// without. Its text is glyph numbers, and the last object says which letters these are.
+function fontObjects(first) {
+  const glyphs = Object.entries(PRINT_FONT.glyphs);
+  const stream = (data, more = "") => `<< /Length ${data.length}${more} >>\nstream\n${data}\nendstream`;
+  const file = atob(PRINT_FONT.file);
+  const name = `/SMADAA+${PRINT_FONT.name}`;
+  const letters = [];
+  for (let k = 0; k < glyphs.length; k += 100) {
+    const part = glyphs.slice(k, k + 100).map(([letter, [number]]) => `<${hex(number)}> <${hex(letter.charCodeAt(0))}>`);
+    letters.push(`${part.length} beginbfchar\n${part.join("\n")}\nendbfchar`);
+  }
+  return [
+    `<< /Type /Font /Subtype /Type0 /BaseFont ${name} /Encoding /Identity-H /DescendantFonts [${first + 1} 0 R] /ToUnicode ${first + 4} 0 R >>`,
+    `<< /Type /Font /Subtype /CIDFontType2 /BaseFont ${name} /CIDSystemInfo << /Registry (Adobe) /Ordering (Identity) /Supplement 0 >> /CIDToGIDMap /Identity /FontDescriptor ${first + 2} 0 R /W [${glyphs.map(([, [number, width]]) => `${number} [${width}]`).join(" ")}] >>`,
+    `<< /Type /FontDescriptor /FontName ${name} /Flags 32 /FontBBox [${PRINT_FONT.box.join(" ")}] /ItalicAngle 0 /Ascent ${PRINT_FONT.ascent} /Descent ${PRINT_FONT.descent} /CapHeight ${PRINT_FONT.ascent} /StemV 80 /FontFile2 ${first + 3} 0 R >>`,
+    stream(file, ` /Length1 ${file.length}`),
+    stream(`/CIDInit /ProcSet findresource begin 12 dict begin begincmap /CMapName /Letters def /CMapType 2 def\n1 begincodespacerange <0000> <ffff> endcodespacerange\n${letters.join("\n")}\nendcmap CMapName currentdict /CMap defineresource pop end end`),
+  ];
+}
 
+// The bytes of a PDF of one page.
 export function pdfOf({ width, height, items }) {
   const rgb = (colour) => {
     const parts = /^#(..)(..)(..)$/.exec(colour);
@@ -163,7 +182,7 @@ export function pdfOf({ width, height, items }) {
   const ops = items.map((item) => {
     if (item.kind === "text") {
       const back = { left: 0, right: widthOf(item.words), centre: widthOf(item.words) / 2 }[item.align];
-      return `BT ${rgb(item.colour)} rg /F1 ${SIZE_PT} Tf ${round(item.x - back)} ${round(height - item.y)} Td ${literal(item.words)} Tj ET`;
+      return `BT ${rgb(item.colour)} rg /F1 ${SIZE_PT} Tf ${round(item.x - back)} ${round(height - item.y)} Td ${glyphsOf(item.words)} Tj ET`;
     }
     const points = item.points.map(([x, y], i) => `${round(x)} ${round(height - y)} ${i ? "l" : "m"}`).join(" ");
     return `${rgb(item.colour)} RG ${item.thick} w [${item.dash.join(" ")}] 0 d ${points} S`;
@@ -174,7 +193,7 @@ export function pdfOf({ width, height, items }) {
     "<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
     `<< /Type /Page /Parent 2 0 R /MediaBox [0 0 ${round(width)} ${round(height)}] /Contents 4 0 R /Resources << /Font << /F1 5 0 R >> >> >>`,
     `<< /Length ${content.length} >>\nstream\n${content}\nendstream`,
-    "<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>",
+    ...fontObjects(5),
   ];
   let file = "%PDF-1.4\n";
   const places = objects.map((object, i) => {
@@ -184,8 +203,27 @@ export function pdfOf({ width, height, items }) {
   });
   const start = file.length;
   file += `xref\n0 ${objects.length + 1}\n0000000000 65535 f \n${places.map((at) => `${String(at).padStart(10, "0")} 00000 n \n`).join("")}`;
-  return `${file}trailer\n<< /Size ${objects.length + 1} /Root 1 0 R >>\nstartxref\n${start}\n%%EOF\n`;
+  file += `trailer\n<< /Size ${objects.length + 1} /Root 1 0 R >>\nstartxref\n${start}\n%%EOF\n`;
+  return Uint8Array.from(file, (byte) => byte.charCodeAt(0));
 }
+
+// The chunk of a PNG that says how many pixels an inch has.
+function resolutionOf(dpi) {
+  const chunk = new DataView(new ArrayBuffer(21));
+  chunk.setUint32(0, 9);
+  Array.from("pHYs", (letter, i) => chunk.setUint8(4 + i, letter.charCodeAt(0)));
+  for (const place of [8, 12]) chunk.setUint32(place, Math.round(dpi / 0.0254));
+  chunk.setUint8(16, 1);
+  let crc = ~0;
+  for (const byte of new Uint8Array(chunk.buffer, 4, 13)) {
+    crc ^= byte;
+    for (let bit = 0; bit < 8; bit += 1) crc = crc & 1 ? (crc >>> 1) ^ 0xedb88320 : crc >>> 1;
+  }
+  chunk.setUint32(17, ~crc >>> 0);
+  return chunk.buffer;
+}
+
+const PNG_HEAD = 33;
 
 // A PNG of an SVG text, as a promise of a blob.
 export function pngOf(svg, width, height) {
@@ -195,7 +233,7 @@ export function pngOf(svg, width, height) {
     image.onload = () => {
       const canvas = element("canvas", { width: Math.round(width * scale), height: Math.round(height * scale) });
       canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
-      canvas.toBlob(done, "image/png");
+      canvas.toBlob((blob) => done(new Blob([blob.slice(0, PNG_HEAD), resolutionOf(PNG_DPI), blob.slice(PNG_HEAD)], { type: blob.type })), "image/png");
     };
     image.onerror = failed;
     image.src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(svg)}`;

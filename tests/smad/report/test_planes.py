@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
+import re
+import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from fontTools.ttLib import TTFont
 
 from bench.browser import browser, what_is_missing
 from smad.report.page import Page, Section, render
@@ -160,6 +164,12 @@ def buttons(place: str) -> str:
     return f"{place} [data-save], {place} .save button[value], {place} .save a"
 
 
+def glyphs_of(pdf: bytes) -> dict[str, bytes]:
+    """The glyph of each letter, as a PDF says for whoever copies its text."""
+    pairs = re.findall(rb"^<([0-9a-f]{4})> <([0-9a-f]{4})>$", pdf, re.MULTILINE)
+    return {chr(int(letter, 16)): glyph for glyph, letter in pairs}
+
+
 @pytest.mark.skipif(
     bool(MISSING) and not os.environ.get("SMAD_REQUIRE_BROWSER"), reason=MISSING or "-"
 )
@@ -202,4 +212,16 @@ def test_panels_planes_and_pictures_are_saved_as_files_for_print(tmp_path: Path)
     pdf = files[".tools pdf"]
     place = int(pdf.rsplit(b"startxref\n", 1)[1].split()[0])
     assert pdf[place:].startswith(b"xref")
-    assert b"(Displacement \\(mm\\))" in pdf or b"Displacement \\050mm\\051" in pdf
+    glyphs = glyphs_of(pdf)
+    assert b"<" + b"".join(glyphs[letter] for letter in "Displacement (mm)") + b"> Tj" in pdf
+    assert glyphs["Ω"] not in (glyphs["?"], glyphs["O"])
+    # Publishers refuse a file without its font, and programs place a picture by its resolution.
+    begin = pdf.index(b"stream\n", pdf.index(b"/Length1")) + len(b"stream\n")
+    font = TTFont(io.BytesIO(pdf[begin : pdf.index(b"\nendstream", begin)]))
+    assert font["maxp"].numGlyphs > len(set(glyphs.values())) > 200
+    width = font["hmtx"][font.getGlyphName(int(glyphs["D"], 16))][0] / font["head"].unitsPerEm
+    assert b" %d [%d]" % (int(glyphs["D"], 16), round(1000 * width)) in pdf
+    png = files[".tools png"]
+    assert png[37:41] == b"pHYs"
+    assert int.from_bytes(png[41:45]) == round(600 / 0.0254)
+    assert int.from_bytes(png[50:54]) == zlib.crc32(png[37:50])
