@@ -52,7 +52,6 @@ from evaluation.plant.layout import (
     SHOWN,
     SIDE_WIDTH,
     SILT,
-    SINCE_START,
     SINK_WARM,
     STEM,
     TAKEN_UP,
@@ -123,7 +122,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, RTD_B] = water_degC
     side[:, SHOWN] = water_degC
     side[:, CORE_WARM] = water_degC
-    side[:, SINCE_START] = 60.0
     side[:, RUN_ON] = 60.0
     side[:, OXIDE] = 1.0
     side[:, SILT] = 1.0

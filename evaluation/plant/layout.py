@@ -55,17 +55,6 @@ CELL_WIDTH = PLAY + PLAYS
     AVERAGED,
     SHRUNK,
     SLEEVED,
-    LEACHED,
-    CLOGGED,
-    BUOYANT,
-    TURNING,
-    DAMP,
-    REMANENT,
-    CHARGED,
-    ASKED,
-    HOLDING,
-    HEARD,
-    SINCE_START,
     UNCOUPLED,
     POLLED,
     CLOUD,
@@ -121,7 +110,7 @@ CELL_WIDTH = PLAY + PLAYS
     TWINS_RUB,
     RUBBED_BEFORE,
     SIDE_WIDTH,
-) = range(99)
+) = range(88)
 
 (
     TIME,
@@ -139,10 +128,6 @@ CELL_WIDTH = PLAY + PLAYS
     SINK_WARM,
     INDEXED,
     SPONGE,
-    DIPPED,
-    DRAWN,
-    STRAP,
-    SNAPPED,
     DRIVERS_WARM,
     IDLE,
     SLEPT_AT,
@@ -170,7 +155,7 @@ CELL_WIDTH = PLAY + PLAYS
     RUN_IN,
     COLLAR,
     PAIR_WIDTH,
-) = range(46)
+) = range(42)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

@@ -51,9 +51,7 @@ from evaluation.plant.parameters import index
 from evaluation.plant.phase import TURN_ONSET, TURN_POWER, TURN_SCALE, turned_by
 from evaluation.plant.rarer import CREEPING
 from evaluation.plant.tendon import (
-    give,
     jets,
-    longer_path,
     longer_tendon,
     tied,
 )
@@ -77,8 +75,6 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
-WARM_MARTENSITE = slot("warm_martensite")
-STIFFENS = slot("stiffening_austenite")
 RESTS = slot("ageing_at_rest")
 SEAL = slot("swelling_seal")
 PITTED = slot("pitted_guide")
@@ -121,11 +117,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         martensite += fraction / CELLS
         across += (cells[s, i, T] - cells[s, i, W]) / CELLS
         reverted += min(max(cells[s, i, T] - 42.0, 0.0) / 10.0, 1.0) / CELLS
-        softness = 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
-        warm = max(cells[s, i, T] - 35.0, 0.0) / 10.0
-        total += softness / (1.0 + e[s, STIFFENS] * (1.0 - fraction) * warm)
-        warm = max(cells[s, i, T] - 27.0, 0.0) / 10.0
-        total += 1e-3 / 1.24 * e[s, WARM_MARTENSITE] * fraction * warm
+        total += 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
     side[s, GROWN] = 1e-3 * e[s, CREEPING] * side[s, CREPT]
@@ -270,7 +262,7 @@ def resisting(
     over = abs(moved) - COLLAR_m
     total += math.copysign(e[0, PUSHED] * min(max(over / GRIPS_m, 0.0), 1.0), moved)
     slope += e[0, PUSHED] / GRIPS_m if 0.0 < over < GRIPS_m else 0.0
-    hung, stiff = tied(x, e, pair)
+    hung, stiff = tied(x, e)
     hung += jets(full_flow, e, side)
     return total + hung, slope + stiff, bristle
 
@@ -290,12 +282,11 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     for _ in range(30):
         force_y, slope_y = pull(1, 0.5 * p[SPAN] + x, force_y, p, e, cells, side)
         longer, slope_t = longer_tendon(force_y, e, pair)
-        play, slope_p = longer_path(x, e)
-        away = 0.5 * p[SPAN] - x - longer - play
+        away = 0.5 * p[SPAN] - x - longer
         force_x, slope_x = pull(0, away, force_x, p, e, cells, side)
         against, slope_f, bristle = resisting(x, before, force_y, dt, p[FULL_FLOW], e, side, pair)
         residual = force_x - force_y - against
-        own = slope_x * (1.0 + slope_t * slope_y + slope_p)
+        own = slope_x * (1.0 + slope_t * slope_y)
         step = residual / (own + slope_y + slope_f)
         if abs(step) < 1e-9:
             break
@@ -318,7 +309,6 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[SLID] += dt / 10.0 * max(force_y - 1.4, 0.0) / 0.2
     warm = (cells[0, CELLS - 1, W] + cells[1, CELLS - 1, W] - 54.0) / 20.0
     pair[SEAL_WARM] = approach(pair[SEAL_WARM], warm, dt, 5.0)
-    give(x, e, pair, dt)
     if e[0, SOAKING] > 0.0:
         spilt = (side[0, FLOW] + side[1, FLOW]) / p[FULL_FLOW]
         pair[SPONGE] += dt * (spilt / 10.0 - pair[SPONGE] / 40.0)

@@ -15,19 +15,15 @@ from evaluation.plant.layout import (
     AFLOAT,
     AMPERE,
     BACK_STRESS,
-    BUOYANT,
     CELL_SOAK,
     CELL_UNEVEN,
     CELLS,
-    CHARGED,
     CLAMP_WARM,
     CLAMP_WET,
     CLOUD,
-    CONTACT,
     CORE_WARM,
     CREPT,
     CUT_OUT,
-    DAMP,
     DRAGGED,
     DRIVERS_WARM,
     FLOW,
@@ -35,7 +31,6 @@ from evaluation.plant.layout import (
     FORCE_Y,
     FRACTION,
     HALL_WARM,
-    LEACHED,
     LOADED,
     MOLTEN,
     MOTOR_WARM,
@@ -79,13 +74,6 @@ DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
 BENT = slot("bent_coils")
-IONS = slot("leached_ions")
-THERMOSIPHON = slot("thermosiphon")
-STIRRING = slot("stirring_coils")
-HOT_CRIMP = slot("hot_crimp")
-JACKET = slot("wet_jacket")
-HYDROGEN = slot("hydrogen_uptake")
-NUCLEI = slot("first_nuclei")
 CLOUDING = slot("clouding_inhibitor")
 VARNISH = slot("running_varnish")
 OVER_SUPPLY = slot("tubes_over_supply")
@@ -170,15 +158,12 @@ def gel_over(s: int, cells: Array, side: Array) -> float:
 
 @compiled
 def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array) -> None:
-    """Change `rows` by what films, losses, ends, cores and hindered nuclei do to a tube."""
+    """Change `rows` by what films, losses, ends and cores do to a tube."""
     speed = abs(pair[SPEED])
-    stirred = 1.0 + e[s, STIRRING] * speed / (speed + 2e-3)
-    wetter = 1.0 + e[s, JACKET] * side[s, DAMP]
-    lower = e[s, HYDROGEN] * (1.0 - math.exp(-side[s, CHARGED]))
-    stirred *= 1.0 + e[s, VARNISH] * side[s, SLEEVED]
+    stirred = 1.0 + e[s, VARNISH] * side[s, SLEEVED]
     stirred /= 1.0 + e[s, CLOUDING] * side[s, CLOUD]
     stirred /= 1.0 + e[s, SILTING] * side[s, SILT]
-    wetter *= 1.0 + e[0, FAN] * math.sin(math.pi * (pair[TIME] / FAN_S + e[2, FAN])) ** 2
+    wetter = 1.0 + e[0, FAN] * math.sin(math.pi * (pair[TIME] / FAN_S + e[2, FAN])) ** 2
     stirred *= 1.0 + e[s, CRACKLING] * side[s, RATE] / (side[s, RATE] + 0.05)
     wetter *= 1.0 + e[0, FANNED] * speed / (speed + 2e-3)
     stirred /= 1.0 + e[s, FLAKES] * side[s, AFLOAT]
@@ -202,29 +187,6 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
         rows[i, LOSS] *= wetter
         rows[i, LOSS] += framed
         rows[i, HEAT_WATER] += e[1 - s, PLUME] * side[s, OTHER_PLUME] / CELLS
-        rows[i, SHIFT_HEAT] -= lower
-        rows[i, SHIFT_COOL] -= lower + e[s, NUCLEI] * max(1.0 - cells[s, i, FRACTION] / 0.4, 0.0)
-    rows[0, HEAT_WIRE] += 0.5 * e[s, HOT_CRIMP] * side[s, CONTACT]
-    rows[CELLS - 1, HEAT_WIRE] += 0.5 * e[s, HOT_CRIMP] * side[s, CONTACT]
-
-
-@compiled
-def soak(s: int, p: Array, e: Array, cells: Array, side: Array, dt: float) -> None:
-    """Update what ions, warm water, a wet jacket and hydrogen leave of a tick of spring `s`."""
-    share = side[s, FLOW] / p[FULL_FLOW]
-    if e[s, IONS] > 0.0:
-        leached = approach(side[s, LEACHED], 1.0, dt, 20.0)
-        side[s, LEACHED] = leached * math.exp(-dt * share / 1.5)
-    if e[s, THERMOSIPHON] > 0.0:
-        warm = 0.0
-        for i in range(CELLS):
-            warm += (cells[s, i, W] - 27.0) / CELLS
-        side[s, BUOYANT] = max(warm, 0.0) / 10.0
-    if e[s, JACKET] > 0.0:
-        slow = 3.0 if share > side[s, DAMP] else 20.0
-        side[s, DAMP] = approach(side[s, DAMP], share, dt, slow)
-    if e[s, HYDROGEN] > 0.0:
-        side[s, CHARGED] += dt * side[s, AMPERE] / 60.0
 
 
 @compiled

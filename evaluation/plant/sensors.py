@@ -44,7 +44,6 @@ from evaluation.plant.layout import (
     PASSED,
     PEAK_VOLT,
     PUMP,
-    REMANENT,
     REPORTED,
     RESERVOIR,
     RING_FORCE,
@@ -101,12 +100,6 @@ RIPPLE_FILTER = slot("ripple_filter")
 WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
-SHARED_RETURN = slot("shared_return")
-GHOSTING = slot("ghosting_multiplexer")
-TIE = slot("creeping_tie")
-COARSE = slot("coarse_scale")
-OBLIQUE = slot("oblique_pull")
-REMANENCE = slot("remanent_core")
 HALL_STRESSED = slot("stressed_hall")
 PEAKS = slot("peak_voltmeter")
 SLEWS = slot("slewing_transmitter")
@@ -172,8 +165,6 @@ def rtd(
 ) -> float:
     """Reading (°C) of the RTD tied to spring `s`, before the converter."""
     place = p[RTD_PLACE] * CELLS - 0.5
-    drawn_in = pair[X] if s == 0 else -pair[X]
-    place += e[s, TIE] * CELLS * drawn_in / 5e-3
     i = min(max(math.floor(place), 0), CELLS - 2)
     part = min(max(place - i, 0.0), 1.0)
     seen = (1.0 - part) * cells[s, i, T] + part * cells[s, i + 1, T]
@@ -186,7 +177,6 @@ def rtd(
     else:
         side[s, RTD_B] = side[s, RTD_A]
     reading = side[s, RTD_B]
-    reading += e[0, GHOSTING] * (side[1 - s, RTD_A] - side[s, RTD_A])
     reading += e[s, RTD_OFFSET] * (1.0 + 0.01 * (reading - 27.0))
     if e[1 - s, RTD_LEAD] > 0.0:
         warm = 0.0
@@ -288,8 +278,6 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
         if abs(off) > 1.0:
             pair[INDEXED] = 1.0 if off > 0.0 else 0.0
         reading += e[0, WIDE_INDEX] * pair[INDEXED]
-    if e[0, COARSE] > 0.0:
-        reading = e[0, COARSE] * math.floor(reading / e[0, COARSE] + 0.5)
     return float(reading)
 
 
@@ -306,7 +294,6 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     switched = (side[0, AMPERE] + side[1, AMPERE]) / 4.0
     pair[SETTLED] = approach(pair[SETTLED], switched, dt, 1.5)
     reading += e[0, KICKED] * (switched - pair[SETTLED])
-    reading *= 1.0 - e[0, OBLIQUE] * (pair[X] / 5e-3) ** 2
     reading += e[0, PULSES] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 5e-4)
     off = CELL_RAD_S * (reading - pair[CELL_SWING])
     off -= 2.0 * CELL_DAMPING * pair[CELL_SWING_RATE]
@@ -346,8 +333,6 @@ def read(
     """All readings of one tick into `out`, in the order of `layout.READINGS`."""
     for s in range(2):
         out[s] = side[s, AMPERE]
-        side[s, REMANENT] = max(side[s, AMPERE] / 4.0, approach(side[s, REMANENT], 0.0, dt, 30.0))
-        out[s] += e[s, REMANENCE] * side[s, REMANENT]
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
         out[s] *= max(0.1, 1.0 + e[0, HALL_STRESSED] * (pair[FORCE_X] / 1.24 - 1.0))
         out[s] *= max(0.1, 1.0 - e[0, BATTERY] * pair[TIME] / 60.0)
@@ -358,7 +343,6 @@ def read(
         out[s] /= max(0.3, 1.0 + e[s, SWAYING] * drawn_in / 5e-3)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
-        out[2 + s] += e[0, SHARED_RETURN] * side[1 - s, AMPERE]
         out[2 + s] *= max(0.1, 1.0 + e[0, DIVIDER] * pair[DRIVERS_WARM])
         heard = max(out[2 + s], 0.0)
         out[2 + s] += e[s, RMS] * (math.sqrt(heard * p[SUPPLY]) - heard)

@@ -18,7 +18,6 @@ from evaluation.plant.layout import (
     CELLS,
     CHILLED_BY,
     CHILLS,
-    DRAWN,
     FILL,
     FLOW,
     LEVEL_LOST,
@@ -37,7 +36,6 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
-DEPTH = slot("drawn_from_depth")
 TEE = slot("sucked_through_tee")
 BACKWASH = slot("warm_backwash")
 CHILLER = slot("relay_chiller")
@@ -124,10 +122,6 @@ def entering(
     backed = approach(side[s, BACKED_UP], cells[s, 0, W] - source, dt, 8.0)
     side[s, BACKED_UP] = backed * math.exp(-dt * side[s, FLOW] / 0.55 / 1.5)
     source += e[s, BACKWASH] * side[s, BACKED_UP]
-    if s == 0 and e[0, DEPTH] != 0.0:
-        both = (side[0, FLOW] + side[1, FLOW]) / 0.55
-        pair[DRAWN] = approach(pair[DRAWN], both, dt, 4.0)
-    source += e[0, DEPTH] * pair[DRAWN]
     if s == 0:
         chill(cells, side, pair, dt)
         refill(side, pair, dt)
