@@ -29,18 +29,21 @@ from evaluation.plant.layout import (
     OHM,
     PLUGGED,
     POLLED,
+    PRIMED,
     PUMP,
     RETURN_POT,
     RING_DUTY_X,
     RING_LENGTH,
     RUN_ON,
     SPEED,
+    SPILT,
     SPIN,
     SPIN_RATE,
     SWITCHED,
     TIME,
     TIRED,
     UNCOUPLED,
+    WOUND,
     X,
 )
 from evaluation.plant.parameters import index
@@ -81,12 +84,18 @@ COUNTS_HEAT = slot("hiccuping_fuse")
 INTERLOCK = slot("flow_interlock")
 HEAD = slot("air_in_pump_head")
 POT = slot("filling_return_pot")
+VARIAC = slot("play_in_variac")
+CALIBRATES = slot("calibrating_driver")
+UNPRIMED = slot("unprimed_hose")
+SHAKES = slot("shaking_pump")
 
 CURRENT_LIMIT_A = 4.0
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
 SWITCHES_m, RELEASES_m = 3e-3, 1.5e-3  # own contraction at an end switch
 BEAT_S = 11.0  # how often two bridges switch together
 RING_m = 6e-3  # travel from one worn spot of a slip ring to the next
+CALIBRATES_S = 9.0  # how often a driver calibrates itself, for 1 s
+SHAKES_AT, SHAKES_OVER = 0.55, 0.15  # speed at which a pump shakes, and how far from it
 GEARS_S = 7.0  # how often two worn gears meet again
 COUNTS_A2_S, HOLDS_S = 20.0, 1.5  # what an electronic fuse passes, then how long it holds back
 FALLS_BACK_S = 2.0  # how long a flow switch stays after its flow
@@ -118,6 +127,13 @@ def current(
 ) -> float:
     """Real current (A) through spring `s` for a commanded one."""
     i = min(max(command, 0.0), CURRENT_LIMIT_A)
+    half = 0.5 * e[s, VARIAC]
+    side[s, WOUND] = min(max(side[s, WOUND], i - half), i + half)
+    if i > 0.0:
+        i = max(side[s, WOUND], 0.0)
+    turn = pair[TIME] / CALIBRATES_S + e[2, CALIBRATES]
+    if turn - math.floor(turn) < 1.0 / CALIBRATES_S:
+        i *= 1.0 - min(e[s, CALIBRATES], 0.9)
     if e[s, DRIVER_GAIN] != 0.0:
         i *= 1.0 + e[s, DRIVER_GAIN] * (1.0 - 0.08 * i)
     if e[s, SATURATION] > 0.0:
@@ -204,6 +220,10 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     share *= max(1.0 - e[s, LIFTED] * drawn_in / 5e-3, 0.0)
     beat = math.sin(2.0 * math.pi * (pair[TIME] / GEARS_S + e[2, GEARS]))
     share *= 1.0 + min(e[s, GEARS], 0.95) * beat
+    off = (side[s, PUMP] - SHAKES_AT) / SHAKES_OVER
+    share *= 1.0 - min(e[s, SHAKES], 0.95) * math.exp(-off * off)
+    share *= 1.0 - min(e[s, UNPRIMED], 0.95) * math.exp(-side[s, PRIMED])
+    side[s, PRIMED] += dt / 8.0 * share
     if side[s, PUMP] > BLOWN_OUT_AT:
         side[s, HEAD_AIR] = approach(side[s, HEAD_AIR], 0.0, dt, 0.5)
     elif side[s, PUMP] > GATHERS_AT:
@@ -244,4 +264,6 @@ def flows(p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) 
     y *= headless
     side[0, FLOW] = x + e[1, LEAK] * y**2 / full
     side[1, FLOW] = y + e[0, LEAK] * x**2 / full
+    spilt = (side[0, FLOW] + side[1, FLOW]) / full
+    pair[SPILT] = approach(pair[SPILT], spilt, dt, 3.0 if spilt > pair[SPILT] else 20.0)
     pair[TIME] += dt

@@ -15,6 +15,7 @@ COMPLIANCE = slot("tendon_compliance")
 FERRULE = slot("slipping_ferrule")
 COGS = slot("cogging_wheel")
 JETS = slot("jets_on_clip")
+BIMETAL = slot("bimetal_tongue")
 
 COG_m = 10e-3  # travel from one cog of a wheel to the next
 

@@ -27,6 +27,7 @@ from evaluation.plant.layout import (
     LIMED,
     MIXED,
     OHM,
+    ORDERED,
     PLAY,
     PLAYS,
     QUIET,
@@ -56,6 +57,7 @@ from evaluation.plant.rarer import (
     linger,
     seldom,
     settle,
+    stay,
     trail,
 )
 from evaluation.plant.thermal import (
@@ -110,6 +112,7 @@ PINNED = slot("freed_interfaces")
 INTERFACES = slot("scattering_interfaces")
 OF_REST = slot("latent_of_rest")
 HEALING = slot("healing_defects")
+ORDERING = slot("ordering_austenite")
 
 
 @compiled
@@ -119,6 +122,7 @@ def resistance(s: int, p: Array, e: Array, cells: Array, side: Array, heat: Arra
     if e[s, CORRODING] > 0.0:
         base *= 1.0 + min(e[s, CORRODING] * side[s, CORRODED], 2.0)
     base *= 1.0 + e[s, HEALING] * side[s, DEFECTS]
+    base *= max(1.0 - e[s, ORDERING] * side[s, ORDERED], 0.2)
     total = 0.0
     strength = e[s, RESISTIVITY]
     for i in range(CELLS):
@@ -294,5 +298,6 @@ def tube(
     follow(s, p, cells, side, pair, dt)
     trail(s, p, e, cells, side, pair, dt)
     haunt(s, p, cells, side, pair, dt)
+    stay(s, p, cells, side, pair, dt)
     settle(s, e, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)

@@ -18,6 +18,7 @@ from evaluation.plant.layout import (
     CELLS,
     CHILLED_BY,
     CHILLS,
+    FEED_WARM,
     FILL,
     FLOW,
     LEVEL_LOST,
@@ -41,6 +42,7 @@ BACKWASH = slot("warm_backwash")
 CHILLER = slot("relay_chiller")
 COOLED_DRIVER = slot("water_cooled_driver")
 FLOAT_VALVE = slot("float_valve")
+FEED_WOUND = slot("feed_wound_on_tube")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -117,6 +119,11 @@ def entering(
     source = inlet + pair[RESERVOIR]
     if e[0, HEATSINK] > 0.0:
         source += e[0, HEATSINK] * pair[SINK_WARM]
+    beside = -source
+    for i in range(CELLS):
+        beside += cells[s, i, W] / CELLS
+    side[s, FEED_WARM] = approach(side[s, FEED_WARM], beside, dt, 4.0)
+    source += e[s, FEED_WOUND] * side[s, FEED_WARM] / (1.0 + 4.0 * side[s, FLOW] / 0.55)
     ahead = min(max(side[s, FLOW] - side[1 - s, FLOW], 0.0) / 0.55, 1.0)
     source += e[1 - s, TEE] * ahead * (cells[1 - s, CELLS - 1, W] - source)
     backed = approach(side[s, BACKED_UP], cells[s, 0, W] - source, dt, 8.0)
