@@ -13,21 +13,15 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AIR_DRAWN,
     AMPERE,
-    ASKED,
-    BUOYANT,
-    CLOGGED,
     COUNTED,
     CUT_OUT,
-    DIPPED,
     FLOW,
     FREEWHEELING,
     FUSE_WARM,
     GLANCE,
     HEAD_AIR,
-    HEARD,
     HELD_BACK,
     HELD_DOWN,
-    HOLDING,
     LAG_A,
     LAG_B,
     LAG_C,
@@ -35,20 +29,21 @@ from evaluation.plant.layout import (
     OHM,
     PLUGGED,
     POLLED,
+    PRIMED,
     PUMP,
     RETURN_POT,
     RING_DUTY_X,
     RING_LENGTH,
     RUN_ON,
-    SINCE_START,
     SPEED,
+    SPILT,
     SPIN,
     SPIN_RATE,
     SWITCHED,
     TIME,
     TIRED,
-    TURNING,
     UNCOUPLED,
+    WOUND,
     X,
 )
 from evaluation.plant.parameters import index
@@ -71,12 +66,6 @@ CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
 SUCTION = slot("shared_suction")
 MEMBRANE = slot("tired_membrane")
-STARTING = slot("starting_pumps")
-CLOGGING = slot("clogged_strainer")
-THERMOSIPHON = slot("thermosiphon")
-STICKING = slot("sticking_rotor")
-DROOPING = slot("drooping_hold")
-LOST_FRAMES = slot("lost_frames")
 POLLS = slot("polled_pump")
 DECOUPLES = slot("decoupled_rotor")
 END_SWITCH = slot("worn_end_switch")
@@ -95,14 +84,18 @@ COUNTS_HEAT = slot("hiccuping_fuse")
 INTERLOCK = slot("flow_interlock")
 HEAD = slot("air_in_pump_head")
 POT = slot("filling_return_pot")
+VARIAC = slot("play_in_variac")
+CALIBRATES = slot("calibrating_driver")
+UNPRIMED = slot("unprimed_hose")
+SHAKES = slot("shaking_pump")
 
 CURRENT_LIMIT_A = 4.0
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
-REFRESHED_A = 5e-3  # change of a set value at which its hold is charged anew
-STARTS_PER_S = 1.0  # how fast a motor gains speed while its start disturbs a bus
 SWITCHES_m, RELEASES_m = 3e-3, 1.5e-3  # own contraction at an end switch
 BEAT_S = 11.0  # how often two bridges switch together
 RING_m = 6e-3  # travel from one worn spot of a slip ring to the next
+CALIBRATES_S = 9.0  # how often a driver calibrates itself, for 1 s
+SHAKES_AT, SHAKES_OVER = 0.55, 0.15  # speed at which a pump shakes, and how far from it
 GEARS_S = 7.0  # how often two worn gears meet again
 COUNTS_A2_S, HOLDS_S = 20.0, 1.5  # what an electronic fuse passes, then how long it holds back
 FALLS_BACK_S = 2.0  # how long a flow switch stays after its flow
@@ -134,16 +127,13 @@ def current(
 ) -> float:
     """Real current (A) through spring `s` for a commanded one."""
     i = min(max(command, 0.0), CURRENT_LIMIT_A)
-    if e[1 - s, LOST_FRAMES] > 0.0:
-        deaf = min(max((e[1 - s, LOST_FRAMES] - side[1 - s, SINCE_START]) / dt, 0.0), 1.0)
-        i += deaf * (side[s, HEARD] - i)
-        side[s, HEARD] = i
-    if e[s, DROOPING] > 0.0:
-        side[s, HOLDING] += dt
-        if abs(i - side[s, ASKED]) > REFRESHED_A:
-            side[s, ASKED] = i
-            side[s, HOLDING] = 0.0
-        i *= max(0.1, 1.0 - e[s, DROOPING] * side[s, HOLDING] / 10.0)
+    half = 0.5 * e[s, VARIAC]
+    side[s, WOUND] = min(max(side[s, WOUND], i - half), i + half)
+    if i > 0.0:
+        i = max(side[s, WOUND], 0.0)
+    turn = pair[TIME] / CALIBRATES_S + e[2, CALIBRATES]
+    if turn - math.floor(turn) < 1.0 / CALIBRATES_S:
+        i *= 1.0 - min(e[s, CALIBRATES], 0.9)
     if e[s, DRIVER_GAIN] != 0.0:
         i *= 1.0 + e[s, DRIVER_GAIN] * (1.0 - 0.08 * i)
     if e[s, SATURATION] > 0.0:
@@ -157,7 +147,6 @@ def current(
         held = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
         side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], held, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
-    i *= max(0.1, 1.0 - e[0, STARTING] * pair[DIPPED])
     drawn_in = pair[X] if s == 0 else -pair[X]
     if drawn_in > SWITCHES_m:
         side[s, SWITCHED] = approach(side[s, SWITCHED], 1.0, dt, 0.2)
@@ -209,12 +198,6 @@ def _pump_speed(
         side[s, UNCOUPLED] = 1.0
     elif duty < MEETS_AT:
         side[s, UNCOUPLED] = 0.0
-    if e[s, STICKING] > 0.0:
-        if duty > e[s, STICKING]:
-            side[s, TURNING] = 1.0
-        elif duty < e[s, STICKING] / 3.0:
-            side[s, TURNING] = 0.0
-        duty *= side[s, TURNING]
     side[s, PUMP] = approach(side[s, PUMP], duty, dt, p[PUMP_LAG])
     if dead <= 0.0:
         side[s, SPIN] = side[s, PUMP]
@@ -237,6 +220,10 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     share *= max(1.0 - e[s, LIFTED] * drawn_in / 5e-3, 0.0)
     beat = math.sin(2.0 * math.pi * (pair[TIME] / GEARS_S + e[2, GEARS]))
     share *= 1.0 + min(e[s, GEARS], 0.95) * beat
+    off = (side[s, PUMP] - SHAKES_AT) / SHAKES_OVER
+    share *= 1.0 - min(e[s, SHAKES], 0.95) * math.exp(-off * off)
+    share *= 1.0 - min(e[s, UNPRIMED], 0.95) * math.exp(-side[s, PRIMED])
+    side[s, PRIMED] += dt / 8.0 * share
     if side[s, PUMP] > BLOWN_OUT_AT:
         side[s, HEAD_AIR] = approach(side[s, HEAD_AIR], 0.0, dt, 0.5)
     elif side[s, PUMP] > GATHERS_AT:
@@ -248,14 +235,10 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
         slow = 10.0 if share > side[s, TIRED] else 25.0
         side[s, TIRED] = approach(side[s, TIRED], share, dt, slow)
         share *= 1.0 - min(e[s, MEMBRANE], 0.95) * min(side[s, TIRED], 1.0)
-    if e[s, CLOGGING] > 0.0:
-        side[s, CLOGGED] += dt * share / 8.0
-        share *= 1.0 - min(e[s, CLOGGING], 0.95) * (1.0 - math.exp(-side[s, CLOGGED]))
     share /= 1.0 + e[s, GAS_PLUG] * side[s, PLUGGED]
     side[s, RUN_ON] = 0.0 if side[s, PUMP] > PRIMED_AT else side[s, RUN_ON] + dt
     if side[s, RUN_ON] < SIPHON_S:
         share = max(share, e[s, SIPHON])
-    share += e[s, THERMOSIPHON] * max(1.0 - side[s, PUMP], 0.0) * side[s, BUOYANT]
     full = p[FULL_FLOW] * (p[Y_FLOW] if s == 1 else 1.0)
     return float(full * share)
 
@@ -263,16 +246,8 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
 @compiled
 def flows(p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) -> None:
     """Set `side[:, FLOW]` of both tubes, with what leaks from one into the other."""
-    was_x = side[0, PUMP]
-    was_y = side[1, PUMP]
     x = flow(0, p, e, side, pair, ring, dt)
     y = flow(1, p, e, side, pair, ring, dt)
-    gained = (max(side[0, PUMP] - was_x, 0.0), max(side[1, PUMP] - was_y, 0.0))
-    pair[DIPPED] = approach(pair[DIPPED], 0.0, dt, 3.0) + gained[0] + gained[1]
-    for s in range(2):
-        side[s, SINCE_START] += dt
-        if gained[s] > STARTS_PER_S * dt and side[s, SINCE_START] > 1.0:
-            side[s, SINCE_START] = 0.0
     full = p[FULL_FLOW]
     if e[0, SUCTION] > 0.0:
         side[0, AIR_DRAWN] = max(x / full, approach(side[0, AIR_DRAWN], 0.0, dt, 6.0))
@@ -289,4 +264,6 @@ def flows(p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) 
     y *= headless
     side[0, FLOW] = x + e[1, LEAK] * y**2 / full
     side[1, FLOW] = y + e[0, LEAK] * x**2 / full
+    spilt = (side[0, FLOW] + side[1, FLOW]) / full
+    pair[SPILT] = approach(pair[SPILT], spilt, dt, 3.0 if spilt > pair[SPILT] else 20.0)
     pair[TIME] += dt

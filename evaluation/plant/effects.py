@@ -24,9 +24,6 @@ SIGNED = (
             "convection_exponent",
             "stress_latent_heat",
             "motor_beside_sensor",
-            "drawn_from_depth",
-            "creeping_tie",
-            "remanent_core",
             "warmed_scale",
             "stressed_hall",
             "drifting_zero",
@@ -37,6 +34,8 @@ SIGNED = (
             "bowed_scale",
             "hall_on_hose",
             "wrong_table_entry",
+            "gradient_in_cell",
+            "lever_on_encoder",
         )
     )
     | sealed.SIGNED

@@ -31,13 +31,16 @@ from evaluation.plant.layout import (
     FRACTION,
     GLANCE,
     HEATED_FROM,
+    HELD_FORCE,
     I_X,
     INLET,
     LAST_SHOWN,
+    LOGGED,
     LUCK_X,
     OHM,
     OXIDE,
     PAIR_WIDTH,
+    PASTED,
     PLAY,
     RING_DUTY_X,
     RING_FORCE,
@@ -52,7 +55,6 @@ from evaluation.plant.layout import (
     SHOWN,
     SIDE_WIDTH,
     SILT,
-    SINCE_START,
     SINK_WARM,
     STEM,
     TAKEN_UP,
@@ -123,7 +125,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, RTD_B] = water_degC
     side[:, SHOWN] = water_degC
     side[:, CORE_WARM] = water_degC
-    side[:, SINCE_START] = 60.0
     side[:, RUN_ON] = 60.0
     side[:, OXIDE] = 1.0
     side[:, SILT] = 1.0
@@ -135,8 +136,10 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, TAKEN_UP] = 1.2
     side[:, LAST_SHOWN] = water_degC
     side[:, RUBBED_BEFORE] = 1.2
+    side[:, PASTED] = water_degC
+    side[:, LOGGED] = water_degC
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
-    pair[FORCE_X] = pair[FORCE_Y] = pair[CELL_SWING] = 1.2
+    pair[FORCE_X] = pair[FORCE_Y] = pair[CELL_SWING] = pair[HELD_FORCE] = 1.2
     quiet = np.zeros(8)
     quiet[INLET] = water_degC
     quiet[AMBIENT] = ambient_degC

@@ -55,17 +55,6 @@ CELL_WIDTH = PLAY + PLAYS
     AVERAGED,
     SHRUNK,
     SLEEVED,
-    LEACHED,
-    CLOGGED,
-    BUOYANT,
-    TURNING,
-    DAMP,
-    REMANENT,
-    CHARGED,
-    ASKED,
-    HOLDING,
-    HEARD,
-    SINCE_START,
     UNCOUPLED,
     POLLED,
     CLOUD,
@@ -120,8 +109,21 @@ CELL_WIDTH = PLAY + PLAYS
     DRAGGED,
     TWINS_RUB,
     RUBBED_BEFORE,
+    WOUND,
+    ORDERED,
+    CONVERTED,
+    FEED_WARM,
+    BELT,
+    REGULATOR,
+    FROTH,
+    PRIMED,
+    PASTED,
+    LOGGED,
+    SPEED_BEFORE,
+    TRAINED,
+    CHARGED,
     SIDE_WIDTH,
-) = range(99)
+) = range(101)
 
 (
     TIME,
@@ -139,10 +141,6 @@ CELL_WIDTH = PLAY + PLAYS
     SINK_WARM,
     INDEXED,
     SPONGE,
-    DIPPED,
-    DRAWN,
-    STRAP,
-    SNAPPED,
     DRIVERS_WARM,
     IDLE,
     SLEPT_AT,
@@ -169,8 +167,15 @@ CELL_WIDTH = PLAY + PLAYS
     WHEEL_BEFORE,
     RUN_IN,
     COLLAR,
+    SPILT,
+    SINCE_LOGGED,
+    WHEEL_LOST,
+    DROP,
+    WAITS,
+    HELD_FORCE,
+    TONGUE,
     PAIR_WIDTH,
-) = range(46)
+) = range(49)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

@@ -21,6 +21,7 @@ from evaluation.plant.layout import (
     COLLAR,
     COMPLIANT,
     CREPT,
+    DEFECTS,
     FILL,
     FLOW,
     FORCE_X,
@@ -38,7 +39,9 @@ from evaluation.plant.layout import (
     SHRUNK,
     SLID,
     SPEED,
+    SPILT,
     SPONGE,
+    TONGUE,
     TURNED,
     TWINS,
     TWINS_RUB,
@@ -51,9 +54,8 @@ from evaluation.plant.parameters import index
 from evaluation.plant.phase import TURN_ONSET, TURN_POWER, TURN_SCALE, turned_by
 from evaluation.plant.rarer import CREEPING
 from evaluation.plant.tendon import (
-    give,
+    BIMETAL,
     jets,
-    longer_path,
     longer_tendon,
     tied,
 )
@@ -77,8 +79,6 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
-WARM_MARTENSITE = slot("warm_martensite")
-STIFFENS = slot("stiffening_austenite")
 RESTS = slot("ageing_at_rest")
 SEAL = slot("swelling_seal")
 PITTED = slot("pitted_guide")
@@ -96,9 +96,13 @@ TWINS_RUBBING = slot("rubbing_twins")
 RUNS_IN = slot("running_in_guide")
 PUSHED = slot("pushed_collar")
 PAWL = slot("pawl_on_rack")
+YOUNG = slot("young_martensite")
+TAPERING = slot("tapering_dashpot")
+FELT = slot("wet_felt")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
+TAPER_m = 4e-3  # travel over which a dashpot's drag grows by a factor of 2.7
 VANE_m, GAIN_m_s2 = 2e-3, 0.02  # half of a braked vane, and a heavy pulley's acceleration
 RUN_IN_m, TOOTH_m = 3e-2, 2.5e-3  # way over which a guide runs in, and from tooth to tooth
 COLLAR_m, GRIPS_m = 1.5e-3, 3e-4  # half a collar's play, and how far it gives
@@ -121,11 +125,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         martensite += fraction / CELLS
         across += (cells[s, i, T] - cells[s, i, W]) / CELLS
         reverted += min(max(cells[s, i, T] - 42.0, 0.0) / 10.0, 1.0) / CELLS
-        softness = 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
-        warm = max(cells[s, i, T] - 35.0, 0.0) / 10.0
-        total += softness / (1.0 + e[s, STIFFENS] * (1.0 - fraction) * warm)
-        warm = max(cells[s, i, T] - 27.0, 0.0) / 10.0
-        total += 1e-3 / 1.24 * e[s, WARM_MARTENSITE] * fraction * warm
+        total += 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
     side[s, GROWN] = 1e-3 * e[s, CREEPING] * side[s, CREPT]
@@ -138,6 +138,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     if e[s, MOBILE] > 0.0:
         total *= 1.0 + e[s, MOBILE] * side[s, RATE] / (side[s, RATE] + 0.03)
     total /= 1.0 + e[s, RESTS] * side[s, RESTED]
+    total *= 1.0 + e[s, YOUNG] * side[s, DEFECTS]
     side[s, COMPLIANT] = total / CELLS
     side[s, FREE_STRAIN] = strain / CELLS
 
@@ -245,6 +246,7 @@ def resisting(
     rubbing += e[0, SHAKEN_FREE] * max(1.0 - flowing / full_flow, 0.0)
     rubbing += e[0, SEAL] * max(pair[SEAL_WARM], 0.0)
     rubbing += e[0, SKEWED] * (before / 5e-3) ** 2
+    rubbing += e[0, FELT] * pair[SPILT]
     rubbing += e[0, RUNS_IN] * math.exp(-pair[RUN_IN] / RUN_IN_m)
     if x > before:
         teeth = before / TOOTH_m + e[2, PAWL]
@@ -254,6 +256,7 @@ def resisting(
     slope += rubbing / (abs(v) + 1.0) ** 2 / dt / 5e-4
     off = (before - 6e-3 * (e[2, BRAKED] - 0.5)) / VANE_m
     braking = e[0, BRAKED] * math.exp(-off * off) / dt / 5e-3
+    braking += e[0, TAPERING] * math.exp(before / TAPER_m) / dt / 5e-3
     heavy = e[0, HEAVY] / GAIN_m_s2 / dt
     total += braking * (x - before) + heavy * ((x - before) / dt - pair[SPEED])
     slope += braking + heavy / dt
@@ -270,8 +273,8 @@ def resisting(
     over = abs(moved) - COLLAR_m
     total += math.copysign(e[0, PUSHED] * min(max(over / GRIPS_m, 0.0), 1.0), moved)
     slope += e[0, PUSHED] / GRIPS_m if 0.0 < over < GRIPS_m else 0.0
-    hung, stiff = tied(x, e, pair)
-    hung += jets(full_flow, e, side)
+    hung, stiff = tied(x, e)
+    hung += jets(full_flow, e, side) - e[0, BIMETAL] * pair[TONGUE]
     return total + hung, slope + stiff, bristle
 
 
@@ -290,12 +293,11 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     for _ in range(30):
         force_y, slope_y = pull(1, 0.5 * p[SPAN] + x, force_y, p, e, cells, side)
         longer, slope_t = longer_tendon(force_y, e, pair)
-        play, slope_p = longer_path(x, e)
-        away = 0.5 * p[SPAN] - x - longer - play
+        away = 0.5 * p[SPAN] - x - longer
         force_x, slope_x = pull(0, away, force_x, p, e, cells, side)
         against, slope_f, bristle = resisting(x, before, force_y, dt, p[FULL_FLOW], e, side, pair)
         residual = force_x - force_y - against
-        own = slope_x * (1.0 + slope_t * slope_y + slope_p)
+        own = slope_x * (1.0 + slope_t * slope_y)
         step = residual / (own + slope_y + slope_f)
         if abs(step) < 1e-9:
             break
@@ -317,8 +319,9 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[COLLAR] = min(max(pair[COLLAR] + (x - before), -gripped), gripped)
     pair[SLID] += dt / 10.0 * max(force_y - 1.4, 0.0) / 0.2
     warm = (cells[0, CELLS - 1, W] + cells[1, CELLS - 1, W] - 54.0) / 20.0
+    apart = (cells[0, CELLS - 1, W] - cells[1, CELLS - 1, W]) / 20.0
+    pair[TONGUE] = approach(pair[TONGUE], apart, dt, 6.0)
     pair[SEAL_WARM] = approach(pair[SEAL_WARM], warm, dt, 5.0)
-    give(x, e, pair, dt)
     if e[0, SOAKING] > 0.0:
         spilt = (side[0, FLOW] + side[1, FLOW]) / p[FULL_FLOW]
         pair[SPONGE] += dt * (spilt / 10.0 - pair[SPONGE] / 40.0)

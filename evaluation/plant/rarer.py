@@ -15,7 +15,7 @@ from evaluation.plant.layout import (
     AFLOAT,
     AMPERE,
     BACK_STRESS,
-    BUOYANT,
+    BELT,
     CELL_SOAK,
     CELL_UNEVEN,
     CELLS,
@@ -23,28 +23,28 @@ from evaluation.plant.layout import (
     CLAMP_WARM,
     CLAMP_WET,
     CLOUD,
-    CONTACT,
     CORE_WARM,
     CREPT,
     CUT_OUT,
-    DAMP,
     DRAGGED,
     DRIVERS_WARM,
     FLOW,
     FORCE_X,
     FORCE_Y,
     FRACTION,
+    FROTH,
     HALL_WARM,
-    LEACHED,
     LOADED,
     MOLTEN,
     MOTOR_WARM,
+    ORDERED,
     OTHER_PLUME,
     OXIDE,
     PIN,
     PLUGGED,
     PUMP,
     RATE,
+    REGULATOR,
     RUBBED_BEFORE,
     RUST,
     SHARE_BEFORE,
@@ -54,6 +54,7 @@ from evaluation.plant.layout import (
     STRAND,
     TENSION_BEFORE,
     TIME,
+    TRAINED,
     TWINS,
     TWINS_RUB,
     T,
@@ -79,13 +80,6 @@ DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
 BENT = slot("bent_coils")
-IONS = slot("leached_ions")
-THERMOSIPHON = slot("thermosiphon")
-STIRRING = slot("stirring_coils")
-HOT_CRIMP = slot("hot_crimp")
-JACKET = slot("wet_jacket")
-HYDROGEN = slot("hydrogen_uptake")
-NUCLEI = slot("first_nuclei")
 CLOUDING = slot("clouding_inhibitor")
 VARNISH = slot("running_varnish")
 OVER_SUPPLY = slot("tubes_over_supply")
@@ -110,12 +104,17 @@ RUSTS = slot("rusty_feed")
 ON_FRAME = slot("tube_against_frame")
 PLUME = slot("plume_of_other_tube")
 END_STRAP = slot("strap_between_ends")
+FROTHS = slot("frothing_pump")
+BELTED = slot("thermostat_belt")
+REGULATED = slot("regulator_on_tube")
+UNLIKE = slot("unlike_crimp")
 
 CORE_J_K, CLAMP_J_K = 1.0, 3.0
 GEL_degC, GEL_J = 38.0, 12.0  # where a gel melts, and what that takes
 CUTS_degC, MAKES_degC = 46.0, 40.0  # wire at which a bimetal beside it opens and closes
 PIN_SHIFTS_N, PIN_RETURNS_N = 1.5, 1.3  # load at which an anchor's pin shifts and returns
 RUBS_N = 0.25  # change of load over which rubbing twins turn round
+BELT_ON_degC, BELT_OFF_degC = 30.0, 33.0  # mean water that switches a heating belt
 FAN_S = 18.0  # how long a fan takes to come back
 STRAND_m = 1.5e-3  # travel that parts a broken strand wholly
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
@@ -170,15 +169,12 @@ def gel_over(s: int, cells: Array, side: Array) -> float:
 
 @compiled
 def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array) -> None:
-    """Change `rows` by what films, losses, ends, cores and hindered nuclei do to a tube."""
+    """Change `rows` by what films, losses, ends and cores do to a tube."""
     speed = abs(pair[SPEED])
-    stirred = 1.0 + e[s, STIRRING] * speed / (speed + 2e-3)
-    wetter = 1.0 + e[s, JACKET] * side[s, DAMP]
-    lower = e[s, HYDROGEN] * (1.0 - math.exp(-side[s, CHARGED]))
-    stirred *= 1.0 + e[s, VARNISH] * side[s, SLEEVED]
+    stirred = 1.0 + e[s, VARNISH] * side[s, SLEEVED]
     stirred /= 1.0 + e[s, CLOUDING] * side[s, CLOUD]
     stirred /= 1.0 + e[s, SILTING] * side[s, SILT]
-    wetter *= 1.0 + e[0, FAN] * math.sin(math.pi * (pair[TIME] / FAN_S + e[2, FAN])) ** 2
+    wetter = 1.0 + e[0, FAN] * math.sin(math.pi * (pair[TIME] / FAN_S + e[2, FAN])) ** 2
     stirred *= 1.0 + e[s, CRACKLING] * side[s, RATE] / (side[s, RATE] + 0.05)
     wetter *= 1.0 + e[0, FANNED] * speed / (speed + 2e-3)
     stirred /= 1.0 + e[s, FLAKES] * side[s, AFLOAT]
@@ -186,6 +182,9 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
     wetter *= 1.0 + e[s, LAGGING] * min(max(drawn_in / 4e-3, 0.0), 1.0)
     wetter *= 1.0 + e[1 - s, MOTOR_FAN] * side[1 - s, PUMP]
     stirred /= 1.0 + e[s, RUSTS] * side[s, RUST]
+    stirred /= 1.0 + e[s, FROTHS] * side[s, FROTH]
+    rows[0, HEAT_WIRE] += e[s, UNLIKE] * side[s, AMPERE]
+    warming = e[s, BELTED] * side[s, BELT] + e[s, REGULATED] * side[s, REGULATOR]
     tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     framed = e[s, ON_FRAME] * min(max((tension - 1.24) / 0.4, 0.0), 1.0) / CELLS
     warmer = cells[1 - s, CELLS - 1, T] - cells[s, CELLS - 1, T]
@@ -196,35 +195,12 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
     for i in range(CELLS):
         rows[i, HEAT_WATER] += e[0, OVER_SUPPLY] * pair[DRIVERS_WARM] / CELLS
         rows[i, HEAT_WIRE] += e[s, HEAVY_CORE] / CELLS * (side[s, CORE_WARM] - cells[s, i, T])
-        rows[i, HEAT_WATER] -= melting / CELLS
+        rows[i, HEAT_WATER] += (warming - melting) / CELLS
         rows[i, HEAT_WATER] += e[s, MOTOR_BELOW] * side[s, MOTOR_WARM] / CELLS
         rows[i, FILM] *= stirred * (1.0 + e[s, RELIEF] * cells[s, i, FRACTION])
         rows[i, LOSS] *= wetter
         rows[i, LOSS] += framed
         rows[i, HEAT_WATER] += e[1 - s, PLUME] * side[s, OTHER_PLUME] / CELLS
-        rows[i, SHIFT_HEAT] -= lower
-        rows[i, SHIFT_COOL] -= lower + e[s, NUCLEI] * max(1.0 - cells[s, i, FRACTION] / 0.4, 0.0)
-    rows[0, HEAT_WIRE] += 0.5 * e[s, HOT_CRIMP] * side[s, CONTACT]
-    rows[CELLS - 1, HEAT_WIRE] += 0.5 * e[s, HOT_CRIMP] * side[s, CONTACT]
-
-
-@compiled
-def soak(s: int, p: Array, e: Array, cells: Array, side: Array, dt: float) -> None:
-    """Update what ions, warm water, a wet jacket and hydrogen leave of a tick of spring `s`."""
-    share = side[s, FLOW] / p[FULL_FLOW]
-    if e[s, IONS] > 0.0:
-        leached = approach(side[s, LEACHED], 1.0, dt, 20.0)
-        side[s, LEACHED] = leached * math.exp(-dt * share / 1.5)
-    if e[s, THERMOSIPHON] > 0.0:
-        warm = 0.0
-        for i in range(CELLS):
-            warm += (cells[s, i, W] - 27.0) / CELLS
-        side[s, BUOYANT] = max(warm, 0.0) / 10.0
-    if e[s, JACKET] > 0.0:
-        slow = 3.0 if share > side[s, DAMP] else 20.0
-        side[s, DAMP] = approach(side[s, DAMP], share, dt, slow)
-    if e[s, HYDROGEN] > 0.0:
-        side[s, CHARGED] += dt * side[s, AMPERE] / 60.0
 
 
 @compiled
@@ -324,3 +300,31 @@ def haunt(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -
     rubbed = side[s, TWINS_RUB] + (taken - side[s, RUBBED_BEFORE]) / RUBS_N
     side[s, TWINS_RUB] = min(max(rubbed, -1.0), 1.0)
     side[s, RUBBED_BEFORE] = taken
+
+
+@compiled
+def stay(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Update what stays in spring `s` and its tube: order, load, hydrogen, a belt, froth."""
+    austenite = 0.0
+    warmth = 0.0
+    water = 0.0
+    for i in range(CELLS):
+        austenite += (1.0 - cells[s, i, FRACTION]) / CELLS
+        warmth += cells[s, i, T] / CELLS
+        water += cells[s, i, W] / CELLS
+    side[s, ORDERED] = approach(side[s, ORDERED], austenite, dt, 8.0)
+    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+    side[s, TRAINED] += dt / 15.0 * austenite * tension / 1.24
+    taken = side[s, FLOW] / p[FULL_FLOW] * (1.0 - side[s, CHARGED])
+    given = max(warmth - 35.0, 0.0) / 10.0 * side[s, CHARGED]
+    side[s, CHARGED] += dt / 10.0 * (taken - given)
+    if water < BELT_ON_degC:
+        side[s, BELT] = approach(side[s, BELT], 1.0, dt, 1.0)
+    elif water > BELT_OFF_degC:
+        side[s, BELT] = approach(side[s, BELT], 0.0, dt, 1.0)
+    speed = min(max(side[s, PUMP], 0.0), 1.0)
+    beaten = 4.0 * speed * (1.0 - speed)
+    slow = 0.5 if beaten > side[s, FROTH] else 6.0
+    side[s, FROTH] = approach(side[s, FROTH], beaten, dt, slow)
+    ampere = side[s, AMPERE]
+    side[s, REGULATOR] = approach(side[s, REGULATOR], ampere * (4.0 - ampere) / 4.0, dt, 5.0)

@@ -22,9 +22,11 @@ from evaluation.plant.layout import (
     CELLS,
     COIL_LAG,
     CONTACT,
+    CONVERTED,
     CREEP_FAST,
     CREEP_SLOW,
     DRIVERS_WARM,
+    DROP,
     ENCODER,
     FLOW,
     FORCE_X,
@@ -32,19 +34,21 @@ from evaluation.plant.layout import (
     FRACTION,
     GLANCE,
     HALL_WARM,
+    HELD_FORCE,
     IDLE,
     INDEXED,
     KNOCKED,
     LAST_SHOWN,
     LEAD_WARM,
+    LOGGED,
     MISTED,
     OHM,
     OTHER_BEFORE,
     OVERSLEPT,
     PASSED,
+    PASTED,
     PEAK_VOLT,
     PUMP,
-    REMANENT,
     REPORTED,
     RESERVOIR,
     RING_FORCE,
@@ -57,9 +61,12 @@ from evaluation.plant.layout import (
     SENSE_SOAK,
     SETTLED,
     SHOWN,
+    SINCE_LOGGED,
     SLEPT_AT,
     SLIPPED,
     SPEED,
+    SPEED_BEFORE,
+    SPILT,
     STEM,
     STUCK,
     SWITCHED_AT,
@@ -68,8 +75,10 @@ from evaluation.plant.layout import (
     TORN_AT,
     TRAILING,
     TURNED,
+    WAITS,
     WHEEL,
     WHEEL_BEFORE,
+    WHEEL_LOST,
     YIELDED,
     T,
     W,
@@ -101,12 +110,6 @@ RIPPLE_FILTER = slot("ripple_filter")
 WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
-SHARED_RETURN = slot("shared_return")
-GHOSTING = slot("ghosting_multiplexer")
-TIE = slot("creeping_tie")
-COARSE = slot("coarse_scale")
-OBLIQUE = slot("oblique_pull")
-REMANENCE = slot("remanent_core")
 HALL_STRESSED = slot("stressed_hall")
 PEAKS = slot("peak_voltmeter")
 SLEWS = slot("slewing_transmitter")
@@ -147,10 +150,21 @@ SOFT_WHEEL = slot("soft_measuring_wheel")
 GRADIENT = slot("gradient_in_cell")
 CARRIER = slot("beating_carrier")
 SWAYING = slot("swaying_lead")
+CONVERTS = slot("averaging_voltmeter")
+PASTE = slot("setting_paste")
+SPARES = slot("sparing_logger")
+WET_WHEEL = slot("wet_measuring_wheel")
+LIFTING = slot("lifting_head")
+DROPS = slot("drops_on_cell")
+PUMPS_WAIT = slot("indicator_waits_for_pumps")
+VALLEY = slot("sampled_at_valley")
 
 CELL_RAD_S, CELL_DAMPING = 2.0 * math.pi * 0.2, 0.12  # slow enough for the load to excite it
 MISSED_S = 13.0  # after which two clocks are a whole sample apart
 BLANKS_A = 0.5  # change of its current that blanks an RTD's transmitter
+STARTLES_PER_S = 0.5  # change of a pump's speed that an indicator waits for
+CONVERTS_S = 0.5  # how often a voltmeter keeps a conversion for its average
+STANDS_m_s = 2e-4  # speed at which a logger reads twice as often
 CARRIER_S = 5.5  # how often a carrier beats with the chopped currents
 ZEROS_S, HASTE_S = 7.0, 0.5  # between zeros of a voltmeter; over which an RTD's rate is taken
 TORN_mm = 0.1  # half a torn line's length
@@ -172,8 +186,6 @@ def rtd(
 ) -> float:
     """Reading (°C) of the RTD tied to spring `s`, before the converter."""
     place = p[RTD_PLACE] * CELLS - 0.5
-    drawn_in = pair[X] if s == 0 else -pair[X]
-    place += e[s, TIE] * CELLS * drawn_in / 5e-3
     i = min(max(math.floor(place), 0), CELLS - 2)
     part = min(max(place - i, 0.0), 1.0)
     seen = (1.0 - part) * cells[s, i, T] + part * cells[s, i + 1, T]
@@ -186,7 +198,9 @@ def rtd(
     else:
         side[s, RTD_B] = side[s, RTD_A]
     reading = side[s, RTD_B]
-    reading += e[0, GHOSTING] * (side[1 - s, RTD_A] - side[s, RTD_A])
+    set_by = 1.0 - min(max((reading - 32.0) / 10.0, 0.0), 1.0)
+    side[s, PASTED] = approach(side[s, PASTED], reading, dt, e[s, PASTE] * set_by)
+    reading = side[s, PASTED]
     reading += e[s, RTD_OFFSET] * (1.0 + 0.01 * (reading - 27.0))
     if e[1 - s, RTD_LEAD] > 0.0:
         warm = 0.0
@@ -271,6 +285,9 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     reading += e[0, BRACKET] * pair[YIELDED]
     reading += e[0, BOWED] * (seen_mm / 5.0) ** 2
     reading += e[0, LEVER] * (seen_mm / 5.0) ** 3
+    reading += e[0, LIFTING] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 1e-3)
+    pair[WHEEL_LOST] += pair[SPILT] * (seen_mm - pair[WHEEL_BEFORE])
+    reading -= e[0, WET_WHEEL] * pair[WHEEL_LOST]
     pressed = (pair[FORCE_X] - 1.24) / 0.4
     pair[WHEEL] += pressed * (seen_mm - pair[WHEEL_BEFORE])
     pair[WHEEL_BEFORE] = seen_mm
@@ -288,8 +305,6 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
         if abs(off) > 1.0:
             pair[INDEXED] = 1.0 if off > 0.0 else 0.0
         reading += e[0, WIDE_INDEX] * pair[INDEXED]
-    if e[0, COARSE] > 0.0:
-        reading = e[0, COARSE] * math.floor(reading / e[0, COARSE] + 0.5)
     return float(reading)
 
 
@@ -306,7 +321,6 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     switched = (side[0, AMPERE] + side[1, AMPERE]) / 4.0
     pair[SETTLED] = approach(pair[SETTLED], switched, dt, 1.5)
     reading += e[0, KICKED] * (switched - pair[SETTLED])
-    reading *= 1.0 - e[0, OBLIQUE] * (pair[X] / 5e-3) ** 2
     reading += e[0, PULSES] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 5e-4)
     off = CELL_RAD_S * (reading - pair[CELL_SWING])
     off -= 2.0 * CELL_DAMPING * pair[CELL_SWING_RATE]
@@ -315,12 +329,21 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     reading += e[0, CELL_RINGS] * (pair[CELL_SWING] - reading)
     reading += e[0, GHOST] * (side[1, RTD_B] - 27.0) / 20.0
     reading += e[0, GRADIENT] * side[0, CELL_UNEVEN]
+    pair[DROP] += dt / 5.0 * side[0, FLOW] / 0.55
+    pair[DROP] -= math.floor(pair[DROP])
+    reading += e[0, DROPS] * pair[DROP]
     beat = time / CARRIER_S + e[2, CARRIER]
     for s in range(2):
         ampere = side[s, AMPERE]
         rippling = ampere * max(4.0 - ampere, 0.0) / 4.0
         reading += e[0, RIPPLE] * ampere * max(4.0 - ampere, 0.0) / 4.0
         reading += e[0, CARRIER] * rippling * math.sin(2.0 * math.pi * beat)
+        if abs(side[s, PUMP] - side[s, SPEED_BEFORE]) > STARTLES_PER_S * dt:
+            pair[WAITS] = e[0, PUMPS_WAIT]
+        side[s, SPEED_BEFORE] = side[s, PUMP]
+    reading += min(pair[WAITS] / dt, 1.0) * (pair[HELD_FORCE] - reading)
+    pair[WAITS] = max(pair[WAITS] - dt, 0.0)
+    pair[HELD_FORCE] = reading
     pair[CABLE] = min(max(pair[CABLE] + dt * pair[SPEED] / RUBS_m, -1.0), 1.0)
     reading += e[0, RUBS] * pair[CABLE]
     if abs(reading - CODE_N) < e[0, MISSING]:
@@ -344,10 +367,13 @@ def read(
     out: Array,
 ) -> None:
     """All readings of one tick into `out`, in the order of `layout.READINGS`."""
+    pair[SINCE_LOGGED] += dt
+    logs = pair[SINCE_LOGGED] > e[0, SPARES] / (1.0 + abs(pair[SPEED]) / STANDS_m_s)
+    if logs:
+        pair[SINCE_LOGGED] = 0.0
     for s in range(2):
         out[s] = side[s, AMPERE]
-        side[s, REMANENT] = max(side[s, AMPERE] / 4.0, approach(side[s, REMANENT], 0.0, dt, 30.0))
-        out[s] += e[s, REMANENCE] * side[s, REMANENT]
+        out[s] -= e[s, VALLEY] * side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
         out[s] *= max(0.1, 1.0 + e[0, HALL_STRESSED] * (pair[FORCE_X] / 1.24 - 1.0))
         out[s] *= max(0.1, 1.0 - e[0, BATTERY] * pair[TIME] / 60.0)
@@ -358,7 +384,6 @@ def read(
         out[s] /= max(0.3, 1.0 + e[s, SWAYING] * drawn_in / 5e-3)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
-        out[2 + s] += e[0, SHARED_RETURN] * side[1 - s, AMPERE]
         out[2 + s] *= max(0.1, 1.0 + e[0, DIVIDER] * pair[DRIVERS_WARM])
         heard = max(out[2 + s], 0.0)
         out[2 + s] += e[s, RMS] * (math.sqrt(heard * p[SUPPLY]) - heard)
@@ -375,6 +400,10 @@ def read(
         out[2 + s] -= e[s, SOAKS] * (out[2 + s] - side[s, SENSE_SOAK])
         turn = pair[TIME] / ZEROS_S + e[2, AUTO_ZERO]
         out[2 + s] += e[s, AUTO_ZERO] * (turn - math.floor(turn))
+        turn = pair[TIME] / CONVERTS_S
+        if math.floor(turn) != math.floor(turn - dt / CONVERTS_S):
+            side[s, CONVERTED] = out[2 + s]
+        out[2 + s] -= e[s, CONVERTS] * (out[2 + s] - side[s, CONVERTED])
         out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
         ring[RING_RTD_X + s, int(pair[GLANCE]) % RING_LENGTH] = out[4 + s]
         if e[0, CROWDED] > 0.0 or e[0, UNSYNCHRONISED] > 0.0:
@@ -383,6 +412,9 @@ def read(
             turn = pair[TIME] / MISSED_S + e[2, UNSYNCHRONISED]
             waited += e[0, UNSYNCHRONISED] * (turn - math.floor(turn)) / dt
             out[4 + s] = late(ring, RING_RTD_X + s, pair[GLANCE], waited)
+        if logs:
+            side[s, LOGGED] = out[4 + s]
+        out[4 + s] = side[s, LOGGED]
     out[6] = inlet + 0.3 * pair[RESERVOIR]
     out[7] = ambient
     ticks = e[0, SLOW_CLOCK] * pair[TIME] / 60.0 / dt

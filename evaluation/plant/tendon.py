@@ -6,28 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.plant.compiled import compiled
-from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
-from evaluation.plant.layout import (
-    FLOW,
-    SLID,
-    SNAPPED,
-    STRAP,
-)
+from evaluation.plant.layout import FLOW, SLID
 
 Array = NDArray[np.float64]
 
 COMPLIANCE = slot("tendon_compliance")
-STRAPPED = slot("relaxing_strap")
-OVAL = slot("oval_pulley")
-BELLOWS = slot("snapping_bellows")
 FERRULE = slot("slipping_ferrule")
 COGS = slot("cogging_wheel")
 JETS = slot("jets_on_clip")
+BIMETAL = slot("bimetal_tongue")
 
-OVAL_m = 16e-3  # travel after which an oval pulley is as before
 COG_m = 10e-3  # travel from one cog of a wheel to the next
-STRAP_m, BELLOWS_m = 5e-3, 1.5e-3
 
 
 @compiled
@@ -44,27 +34,12 @@ def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
 
 
 @compiled
-def longer_path(x: float, e: Array) -> tuple[float, float]:
-    """How much longer what the tendon runs over makes it (m), and the slope in `x` (1)."""
-    longer = 0.0
-    slope = 0.0
-    if e[0, OVAL] > 0.0:
-        begun = 2.0 * math.pi * e[2, OVAL]
-        turn = 2.0 * math.pi * x / OVAL_m + begun
-        longer += 1e-3 * e[0, OVAL] * (math.sin(turn) - math.sin(begun))
-        slope += 2e-3 * math.pi * e[0, OVAL] * math.cos(turn) / OVAL_m
-    return longer, slope
-
-
-@compiled
-def tied(x: float, e: Array, pair: Array) -> tuple[float, float]:
+def tied(x: float, e: Array) -> tuple[float, float]:
     """Force against `x` (N) of what the tendon is tied to, and its slope."""
-    total = e[0, STRAPPED] * (x - pair[STRAP]) / STRAP_m - e[0, BELLOWS] * pair[SNAPPED]
-    slope = e[0, STRAPPED] / STRAP_m
     turn = 2.0 * math.pi * (x / COG_m + e[2, COGS])
-    total += e[0, COGS] * math.sin(turn)
+    total = e[0, COGS] * math.sin(turn)
     # A cog that lets go would tell Newton the wrong way: the springs alone bound its step.
-    slope += 2.0 * math.pi * e[0, COGS] * max(math.cos(turn), 0.0) / COG_m
+    slope = 2.0 * math.pi * e[0, COGS] * max(math.cos(turn), 0.0) / COG_m
     return total, slope
 
 
@@ -72,12 +47,3 @@ def tied(x: float, e: Array, pair: Array) -> tuple[float, float]:
 def jets(full_flow: float, e: Array, side: Array) -> float:
     """Force against `x` (N) of the outlets' jets on what hangs on the tendon."""
     return float(e[0, JETS] * (side[1, FLOW] ** 2 - side[0, FLOW] ** 2) / full_flow**2)
-
-
-@compiled
-def give(x: float, e: Array, pair: Array, dt: float) -> None:
-    """Let what the tendon is tied to at `x` give and snap for a tick."""
-    pair[STRAP] = approach(pair[STRAP], x, dt, 5.0)
-    off = x - 3e-3 * (e[2, BELLOWS] - 0.5)
-    if abs(off) > BELLOWS_m:
-        pair[SNAPPED] = approach(pair[SNAPPED], math.copysign(1.0, off), dt, 0.2)

@@ -12,6 +12,7 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     BACK_STRESS,
+    CHARGED,
     COOLED_FROM,
     DRAGGED,
     FRACTION,
@@ -20,6 +21,7 @@ from evaluation.plant.layout import (
     LOADED,
     MIXED,
     TAKEN_UP,
+    TRAINED,
     WORK_DONE,
 )
 from evaluation.plant.parameters import index
@@ -39,6 +41,8 @@ BACK_STRESSES = slot("relaxing_back_stress")
 TAKES_UP = slot("lagging_stress")
 DRAGS = slot("dragging_interfaces")
 ON_AUSTENITE = slot("load_on_austenite")
+HYDROGEN = slot("hydrogen_of_flow")
+TRAINS = slot("training_under_load")
 
 
 @compiled
@@ -65,4 +69,6 @@ def shifts(
     left -= e[s, TAKES_UP] * (stress / p[STRESS] - side[s, TAKEN_UP]) / 0.4
     left += e[s, ON_AUSTENITE] * (1.0 - cells[s, i, FRACTION]) * (stress / p[STRESS] - 1.24) / 0.4
     dragged = e[s, DRAGS] * side[s, DRAGGED]
+    left -= e[s, HYDROGEN] * side[s, CHARGED]
+    cool += e[s, TRAINS] * (1.0 - math.exp(-side[s, TRAINED]))
     return heat + held - worked + left + dragged, cool - held - worked + left - dragged

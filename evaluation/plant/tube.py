@@ -24,10 +24,10 @@ from evaluation.plant.layout import (
     HEATED_FROM,
     HEATING,
     INNER_STRESS,
-    LEACHED,
     LIMED,
     MIXED,
     OHM,
+    ORDERED,
     PLAY,
     PLAYS,
     QUIET,
@@ -57,7 +57,7 @@ from evaluation.plant.rarer import (
     linger,
     seldom,
     settle,
-    soak,
+    stay,
     trail,
 )
 from evaluation.plant.thermal import (
@@ -107,12 +107,12 @@ CORRODING = slot("corroding_wire")
 LIME = slot("lime_on_wire")
 LATENT_FADES = slot("fading_latent")
 LINGERING = slot("lingering_stress")
-IONS = slot("leached_ions")
 WARM_LATENT = slot("warm_latent")
 PINNED = slot("freed_interfaces")
 INTERFACES = slot("scattering_interfaces")
 OF_REST = slot("latent_of_rest")
 HEALING = slot("healing_defects")
+ORDERING = slot("ordering_austenite")
 
 
 @compiled
@@ -122,8 +122,7 @@ def resistance(s: int, p: Array, e: Array, cells: Array, side: Array, heat: Arra
     if e[s, CORRODING] > 0.0:
         base *= 1.0 + min(e[s, CORRODING] * side[s, CORRODED], 2.0)
     base *= 1.0 + e[s, HEALING] * side[s, DEFECTS]
-    beside = 1.0 + e[s, IONS] * side[s, LEACHED]
-    base /= beside * beside
+    base *= max(1.0 - e[s, ORDERING] * side[s, ORDERED], 0.2)
     total = 0.0
     strength = e[s, RESISTIVITY]
     for i in range(CELLS):
@@ -140,7 +139,7 @@ def resistance(s: int, p: Array, e: Array, cells: Array, side: Array, heat: Arra
         factor += e[s, INTERFACES] * mixed
         heat[i] = base * factor / CELLS
         total += heat[i]
-    return float(total * beside + joints(s, e, cells, side, heat))
+    return float(total + joints(s, e, cells, side, heat))
 
 
 @compiled
@@ -197,10 +196,6 @@ def coefficients(
     if e[s, BENT] > 0.0:
         bend(s, e, pair, rows)
     seldom(s, e, cells, side, pair, rows)
-    if e[s, IONS] > 0.0:
-        beside = e[s, IONS] * side[s, LEACHED]
-        for i in range(CELLS):
-            rows[i, HEAT_WATER] += beside * rows[i, HEAT_WIRE]
     return float(CELLS * p[CONDUCTION] + p[MIXING] * side[s, FLOW] * CELLS / 6.0)
 
 
@@ -299,10 +294,10 @@ def tube(
         gained = side[s, FLOW] * (cells[s, CELLS - 1, W] - source) * dt
         pair[RESERVOIR] += e[s, RESERVOIR_WARMS] * gained / 400.0
     remember(s, stress, p, e, cells, side, dt)
-    soak(s, p, e, cells, side, dt)
     linger(s, p, e, cells, side, pair, dt)
     follow(s, p, cells, side, pair, dt)
     trail(s, p, e, cells, side, pair, dt)
     haunt(s, p, cells, side, pair, dt)
+    stay(s, p, cells, side, pair, dt)
     settle(s, e, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)

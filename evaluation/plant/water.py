@@ -18,7 +18,7 @@ from evaluation.plant.layout import (
     CELLS,
     CHILLED_BY,
     CHILLS,
-    DRAWN,
+    FEED_WARM,
     FILL,
     FLOW,
     LEVEL_LOST,
@@ -37,12 +37,12 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
-DEPTH = slot("drawn_from_depth")
 TEE = slot("sucked_through_tee")
 BACKWASH = slot("warm_backwash")
 CHILLER = slot("relay_chiller")
 COOLED_DRIVER = slot("water_cooled_driver")
 FLOAT_VALVE = slot("float_valve")
+FEED_WOUND = slot("feed_wound_on_tube")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -119,15 +119,16 @@ def entering(
     source = inlet + pair[RESERVOIR]
     if e[0, HEATSINK] > 0.0:
         source += e[0, HEATSINK] * pair[SINK_WARM]
+    beside = -source
+    for i in range(CELLS):
+        beside += cells[s, i, W] / CELLS
+    side[s, FEED_WARM] = approach(side[s, FEED_WARM], beside, dt, 4.0)
+    source += e[s, FEED_WOUND] * side[s, FEED_WARM] / (1.0 + 4.0 * side[s, FLOW] / 0.55)
     ahead = min(max(side[s, FLOW] - side[1 - s, FLOW], 0.0) / 0.55, 1.0)
     source += e[1 - s, TEE] * ahead * (cells[1 - s, CELLS - 1, W] - source)
     backed = approach(side[s, BACKED_UP], cells[s, 0, W] - source, dt, 8.0)
     side[s, BACKED_UP] = backed * math.exp(-dt * side[s, FLOW] / 0.55 / 1.5)
     source += e[s, BACKWASH] * side[s, BACKED_UP]
-    if s == 0 and e[0, DEPTH] != 0.0:
-        both = (side[0, FLOW] + side[1, FLOW]) / 0.55
-        pair[DRAWN] = approach(pair[DRAWN], both, dt, 4.0)
-    source += e[0, DEPTH] * pair[DRAWN]
     if s == 0:
         chill(cells, side, pair, dt)
         refill(side, pair, dt)
