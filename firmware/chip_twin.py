@@ -78,8 +78,9 @@ class ChipTwins(Twins):
         watches = [word for address in words for word in ("--watch", hex(address & 0xFFFF))]
         super().__init__([*program, *watches], folder, seed)
 
-    def power_up(self) -> None:
-        """Cycle the power of both boards, up to the chip's first sample."""
+    def power_up(self, cause: ResetCause = ResetCause.POWER_ON) -> None:
+        """Reset both boards, up to the chip's first sample."""
+        kept = self._kept(cause)
         if self._boots:
             self._image = self.python.image
             self.c.close()
@@ -90,7 +91,7 @@ class ChipTwins(Twins):
         self._origin = self._codes.encoder
         codes = replace(self._codes, encoder=0)
         self.c = FirmwareBoard(
-            self._program, self._path, hardware=Hardware(), cause=ResetCause.POWER_ON
+            self._program, self._path, hardware=Hardware(), cause=cause, kept=kept[1]
         )
         born_us = sampled_us = 0
         while self.c.line.state is None:
@@ -110,6 +111,8 @@ class ChipTwins(Twins):
             supervisor=Supervisor(),
             seed=self._seed,
             boot_count=self._boots,
+            cause=cause,
+            kept=kept[0],
             image=self._image,
             hardware=self.fed,  # type: ignore[arg-type]
             now_us=born_us,

@@ -1,6 +1,6 @@
 """`python -m firmware.compare`: the Python board and the C firmware under the same stimulus.
 
-The same random events (setpoints, commands, broken parts, damaged bytes, hangs, power cycles) and
+The same random events (setpoints, commands, broken parts, damaged bytes, hangs, resets) and
 the same readings go into both. After each sample everything they said and what their pins do must
 be equal: every field of STATE, FAULT_REPORT and every answer, gate, currents and pumps. Left out
 are what each makes up for itself (arming token, chip number, name, speed of its port) and how long

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from firmware.twin import Build, Twins
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import CODEC
-from firmware_protocol.enums import BoardState, Fault
+from firmware_protocol.enums import BoardState, Fault, ResetCause
 from firmware_protocol.parameters import BY_NAME, PARAMETERS
 from firmware_protocol.schema import own_crc
 
@@ -66,7 +66,9 @@ class Stimulus:
         elif state is BoardState.ESTOP:
             self._estop_at = self._estop_at or self._tick
             if self._tick - self._estop_at > CALM_TICKS:
-                self._power_cycle()
+                self._reset(ResetCause.POWER_ON)
+        if state in (BoardState.FAULT, BoardState.ESTOP) and rng.random() < 0.02:
+            self._reset(rng.choice((ResetCause.PIN, ResetCause.WATCHDOG)))
         if rng.random() < 0.12:
             self._ask()
         if rng.random() < 0.05:
@@ -205,10 +207,10 @@ class Stimulus:
 
     # The bench
 
-    def _power_cycle(self) -> None:
+    def _reset(self, cause: ResetCause) -> None:
         self._wait_for_store()
-        self.counts["power cycle"] += 1
-        self.twins.power_up()
+        self.counts["power cycle" if cause is ResetCause.POWER_ON else "reset"] += 1
+        self.twins.power_up(cause)
         self.begin()
 
     def _break_part(self) -> None:

@@ -12,7 +12,7 @@ from firmware_protocol import messages as wire
 from firmware_protocol.codec import CODEC
 from firmware_protocol.enums import ErrorCode, ResetCause
 from firmware_protocol.framing import FrameDecoder
-from firmware_protocol.supervisor import Measurements, Memory, Supervisor
+from firmware_protocol.supervisor import Event, Measurements, Memory, Supervisor
 from sim_device.board import Board
 from sim_device.firmware.board import FirmwareBoard
 from sim_device.firmware.frontend import Codes, decode, encode
@@ -115,8 +115,9 @@ class Twins:
         self.c: FirmwareBoard
         self.power_up()
 
-    def power_up(self) -> None:
-        """Cycle the power of both boards."""
+    def power_up(self, cause: ResetCause = ResetCause.POWER_ON) -> None:
+        """Reset both boards."""
+        kept = self._kept(cause)
         if self._boots:
             self._image = self.python.image
             self.c.close()
@@ -128,14 +129,20 @@ class Twins:
             supervisor=Supervisor(),
             seed=self._seed,
             boot_count=self._boots,
+            cause=cause,
+            kept=kept[0],
             image=self._image,
             hardware=self.fed,  # type: ignore[arg-type]
         )
         self.c = FirmwareBoard(
-            self._program, self._path, hardware=Hardware(), cause=ResetCause.POWER_ON
+            self._program, self._path, hardware=Hardware(), cause=cause, kept=kept[1]
         )
         self.ears = (Ear(), Ear())
         self._listen()
+
+    def _kept(self, cause: ResetCause) -> tuple[tuple[Event, ...], tuple[int, ...]]:
+        """What both boards keep over a reset."""
+        return ((), ()) if cause is ResetCause.POWER_ON else (self.python.kept, self.c.kept)
 
     def close(self) -> None:
         """End the firmware's process."""

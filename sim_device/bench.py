@@ -267,15 +267,11 @@ class SimulatedBench:
             image=self._image,
             boot_count=self._boots,
             cause=cause,
-            stopped=self._stop_outlives(cause),
+            kept=() if cause is ResetCause.POWER_ON else self.board.kept,
             now_us=start_us,
             hardware=self.hardware,
             **self.make,
         )
-
-    def _stop_outlives(self, cause: ResetCause) -> bool:
-        """Return whether the board is in ESTOP and a reset of this cause leaves it there."""
-        return cause is not ResetCause.POWER_ON and self.board.state is BoardState.ESTOP
 
     def _hangs(self, period_us: int) -> bool:
         """Return whether this sample is not taken; the watchdog ends what lasts too long."""

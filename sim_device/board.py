@@ -7,7 +7,7 @@ with each sample, and the current and duty it wants are in `outputs`. One axis.
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from firmware_protocol import messages as wire
@@ -25,10 +25,17 @@ from firmware_protocol.enums import (
 )
 from firmware_protocol.events import BoardEvent
 from firmware_protocol.parameters import BY_NAME, DamagedImageError, ParameterStore
-from firmware_protocol.supervisor import Memory, Outcome, SelfTest, Stopped, Supervisor
+from firmware_protocol.supervisor import (
+    Event,
+    Memory,
+    Outcome,
+    Restarted,
+    SelfTest,
+    Stopped,
+    Supervisor,
+)
 from firmware_protocol.supervisor.compiled import fastest_supervisor
 from firmware_protocol.supervisor.observers import is_believed
-from firmware_protocol.supervisor.supervisor import Event
 from sim_device.commands import Commands
 from sim_device.hardware import Hardware
 from sim_device.plant import Readings
@@ -92,7 +99,7 @@ class Board:
     """One board, from power-up to power-down. Power-cycling makes a new one.
 
     `image` is what the parameter memory holds (None: empty). If its checksum is wrong, the
-    compiled limits are used and the board goes to FAULT. `stopped`: there was an ESTOP before this
+    compiled limits are used and the board goes to FAULT. `kept`: of the board before this
     reset. `supervisor` decides (None: see `fastest_supervisor`).
     """
 
@@ -111,7 +118,7 @@ class Board:
         image: bytes | None = None,
         boot_count: int = 1,
         cause: ResetCause = ResetCause.POWER_ON,
-        stopped: bool = False,
+        kept: Sequence[Event] = (),
         now_us: int = 0,
         hardware: Hardware | None = None,
         supervisor: Supervisor | None = None,
@@ -170,8 +177,8 @@ class Board:
         self._stats_due_us = now_us + STATS_EVERY_US
         self._reported = 0
         self.apply_parameters()
-        if stopped:
-            self.supervisor.event(Stopped(), now_us)
+        for event in kept:
+            self.supervisor.event(event, now_us)
         self.session.boot(now_us)
 
     @property
@@ -189,6 +196,15 @@ class Board:
         """State of the machine."""
         return _STATES[self.outputs.state]
 
+    @property
+    def kept(self) -> tuple[Event, ...]:
+        """What outlives a reset: the latched fault and ESTOP."""
+        first = self.supervisor.first_fault
+        if first is None or not self.outputs.latched:
+            return ()
+        stops = (Stopped(),) if self.state is BoardState.ESTOP else ()
+        return (Restarted(first), *stops)
+
     def receive(self, data: bytes, now_us: int) -> None:
         """Take in bytes from the host and act on them."""
         self.session.safe = self._may_set_parameters()
@@ -199,7 +215,7 @@ class Board:
         """SAFE, or stopped for damaged parameters: else nothing could ever mend those."""
         s = self.outputs
         if s.state == BoardState.FAULT:
-            return s.first_fault == Fault.PARAM_CRC
+            return bool(s.faults >> (Fault.PARAM_CRC - 1) & 1)
         return s.state == BoardState.SAFE
 
     def act(self, event: BoardEvent, now_us: int) -> None:
@@ -296,6 +312,8 @@ class Board:
     def _report_fault(self) -> None:
         """Send a FAULT when the supervisor latched one; clearing lets the next one be sent."""
         s = self.outputs
+        if not s.started:
+            return  # the first sample reports it, with its readings
         if s.latched and not self._reported:
             self.session.send_fault(
                 wire.FaultReport(

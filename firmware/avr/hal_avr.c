@@ -19,7 +19,7 @@
 const char hal_name[] = "smad-mega 1.0";
 
 static uint8_t reset_cause __attribute__((section(".noinit")));
-static uint32_t stop_mark __attribute__((section(".noinit")));
+volatile uint32_t hal_kept[HAL_KEPT] __attribute__((section(".noinit")));
 
 /* Before anything else: after a watchdog reset the watchdog stays armed at its shortest time. */
 void early(void) __attribute__((naked, used, section(".init3")));
@@ -218,20 +218,6 @@ uint8_t hal_reset_cause(void)
         return SMAD_RESET_CAUSE_BROWN_OUT;
     }
     return (reset_cause & _BV(EXTRF)) != 0 ? SMAD_RESET_CAUSE_PIN : SMAD_RESET_CAUSE_UNKNOWN;
-}
-
-void hal_keep_stop(void)
-{
-    stop_mark = HAL_STOP_MARK;
-}
-
-/* RAM may outlive a short time without power. */
-bool hal_stop_kept(void)
-{
-    if ((reset_cause & _BV(PORF)) != 0) {
-        stop_mark = 0;
-    }
-    return stop_mark == HAL_STOP_MARK;
 }
 
 void hal_mark(bool on)

@@ -16,6 +16,8 @@
 #define LINK_PARAMETERS 4
 #define LINK_CLOCK 8
 #define STAGE_FIELD 6u /* of SETPOINT */
+#define KEPT_ESTOP 0x10000u
+#define PARAM_CRC_BIT (1ul << (SMAD_FAULT_PARAM_CRC - 1))
 
 static struct smad_sv_memory sv;
 static struct sample now;
@@ -89,9 +91,54 @@ static void report_fault_with(const struct smad_state *state)
     fault_reported = sv.latched != 0;
 }
 
+/* The first fault (channel from bit 8, ESTOP at bit 16), value, limit and check: for a reset. */
+static uint32_t check_of_kept(void)
+{
+    return ~(hal_kept[0] + hal_kept[1] + hal_kept[2]);
+}
+
+static void keep(void)
+{
+    uint32_t first = 0;
+    if (sv.latched) {
+        first = sv.first_fault | (uint32_t)sv.first_channel << 8;
+        first |= sv.state == SMAD_BOARD_STATE_ESTOP ? KEPT_ESTOP : 0;
+    }
+    if (hal_kept[0] != first) {
+        hal_kept[0] = first;
+        hal_kept[1] = (uint32_t)sv.first_value;
+        hal_kept[2] = (uint32_t)sv.first_limit;
+        hal_kept[3] = check_of_kept();
+    }
+}
+
+/* RAM may outlive a short time without power: then nothing is taken over. */
+static void take_over(void)
+{
+    struct smad_sv_command command;
+    uint32_t first = hal_kept[0];
+    if (first != 0 && hal_kept[3] == check_of_kept()
+        && hal_reset_cause() != SMAD_RESET_CAUSE_POWER_ON) {
+        memset(&command, 0, sizeof command);
+        command.fault = (uint8_t)first;
+        sv.channel = (uint8_t)(first >> 8);
+        sv.value = (int32_t)hal_kept[1];
+        sv.limit = (int32_t)hal_kept[2];
+        smad_sv_on_restart(&sv, &command);
+        if ((first & KEPT_ESTOP) != 0) {
+            smad_sv_on_estop(&sv, &limits);
+        }
+    }
+    keep();
+}
+
 static void report_fault(void)
 {
     struct smad_state state;
+    keep();
+    if (!sv.started) {
+        return; /* the first sample reports it, with its readings */
+    }
     if (sv.latched && !fault_reported) {
         sample_tell(&now, &sv, &state);
     }
@@ -131,6 +178,7 @@ static void take_sample(uint32_t t_us)
     }
     smad_sv_sample(&sv, &now.measured, &limits, at_us);
     apply();
+    keep();
     hal_watchdog_kick();
     watch_loop(dt_us);
     sample_tell(&now, &sv, &state);
@@ -276,7 +324,6 @@ void board_on_clear_fault(uint8_t fault, int64_t at_us)
 void board_on_estop(int64_t at_us)
 {
     (void)at_us;
-    hal_keep_stop();
     smad_sv_on_estop(&sv, &limits);
     apply();
     report_fault();
@@ -300,7 +347,7 @@ static void apply_parameters(void)
 static bool may_set(void)
 {
     return sv.state == SMAD_BOARD_STATE_SAFE
-           || (sv.state == SMAD_BOARD_STATE_FAULT && sv.first_fault == SMAD_FAULT_PARAM_CRC);
+           || (sv.state == SMAD_BOARD_STATE_FAULT && (sv.faults & PARAM_CRC_BIT) != 0);
 }
 
 static void refuse_state(int64_t at_us)
@@ -390,9 +437,7 @@ void board_start(void)
     token_state = params_count_boot();
     session_boot(token_state, hal_reset_cause(), now_us);
     apply_parameters();
-    if (hal_stop_kept()) {
-        smad_sv_on_estop(&sv, &limits);
-    }
+    take_over();
 }
 
 void board_poll(void)

@@ -114,14 +114,9 @@ void hal_watchdog_kick(void);
 /* Why the chip started; enum smad_reset_cause. */
 uint8_t hal_reset_cause(void);
 
-/* What memory that outlives a reset holds once everything was stopped. */
-#define HAL_STOP_MARK 0x53544F50u
-
-/* Remembers that everything was stopped, for all resets until the next power-up. */
-void hal_keep_stop(void);
-
-/* Whether it was. */
-bool hal_stop_kept(void);
+/* Memory that a reset leaves as it is. After power-up it may hold anything. */
+#define HAL_KEPT 4u
+extern volatile uint32_t hal_kept[HAL_KEPT];
 
 /* Unique number of the chip. */
 void hal_uid(uint8_t uid[12]);

@@ -374,7 +374,7 @@ void hal_watchdog_kick(void)
 }
 
 static uint32_t reset_flags;
-static uint32_t stop_mark __attribute__((section(".noinit")));
+volatile uint32_t hal_kept[HAL_KEPT] __attribute__((section(".noinit")));
 
 uint8_t hal_reset_cause(void)
 {
@@ -391,20 +391,6 @@ uint8_t hal_reset_cause(void)
         return SMAD_RESET_CAUSE_SOFTWARE;
     }
     return (reset_flags & BIT(26)) != 0 ? SMAD_RESET_CAUSE_PIN : SMAD_RESET_CAUSE_UNKNOWN;
-}
-
-void hal_keep_stop(void)
-{
-    stop_mark = HAL_STOP_MARK;
-}
-
-/* RAM may outlive a short time without power. */
-bool hal_stop_kept(void)
-{
-    if ((reset_flags & POWER_UP) != 0) {
-        stop_mark = 0;
-    }
-    return stop_mark == HAL_STOP_MARK;
 }
 
 void hal_mark(bool on)

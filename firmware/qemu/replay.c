@@ -225,6 +225,9 @@ int __wrap_main(void)
         run_step();
         out.head.watched[0] = instructions_since(before);
         out.head.t_us = now_us;
+        for (uint8_t k = 0; k < HAL_KEPT; k++) {
+            out.head.kept[k] = hal_kept[k];
+        }
         out.head.pump[0] = (uint8_t)TIM_CCR1(TIM3);
         out.head.pump[1] = (uint8_t)TIM_CCR2(TIM3);
         if (!moved(SEMIHOSTED_WRITE, answers, &out, sizeof out.head + out.head.size)) {

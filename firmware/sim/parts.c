@@ -206,6 +206,9 @@ void parts_reset(void)
         avr_extint_set_strict_lvl_trig(avr, k, 0);
     }
     avr_raise_irq(parts_pin(avr, 'A', BRIDGE_DATA), 0);
+    /* The reset forgot these levels; what stays equal would not be raised again. */
+    avr_raise_irq(parts_pin(avr, 'C', LEAK), 0);
+    avr_raise_irq(parts_pin(avr, 'A', ENCODER_ALARM), 0);
     hold_encoder();
     show_encoder();
 }

@@ -1,6 +1,6 @@
 /* An Arduino Mega with the parts of the wiring page around it, on libsimavr, behind sim/link.h.
  *
- *   smad-simavr --elf FILE --link FD --store FILE [--cause N] [--stopped 1] [--watch ADDRESS] ...
+ *   smad-simavr --elf FILE --link FD --store FILE [--cause N] [--kept N,N,N,N] [--watch ADDRESS] ...
  *
  * This program is linked with libsimavr, which is under the GNU General Public License, version 3;
  * so is this program as a whole. It is a tool of the tests and the simulated bench. Nothing of it
@@ -59,6 +59,7 @@ static avr_flashaddr_t hung_at;
 static uint8_t hung_word[2];
 static uint16_t resets;
 static uint16_t watch_at[LINK_WATCHED];
+static uint16_t kept_at;
 static uint8_t watches;
 static int store_fd;
 static uint8_t stored[STORE_SIZE];
@@ -248,6 +249,7 @@ static void answer(int link)
     for (uint8_t k = 0; k < watches; k++) {
         memcpy(&out.head.watched[k], avr->data + watch_at[k], sizeof out.head.watched[k]);
     }
+    memcpy(out.head.kept, avr->data + kept_at, sizeof out.head.kept);
     save_store();
     if (send(link, &out, sizeof out.head + out.head.size, 0) < 0) {
         exit(errno == EPIPE ? 0 : 1);
@@ -317,13 +319,15 @@ static void set_cause(int cause)
     avr->data[REG_MCUSR] = cause == CAUSE_WATCHDOG ? 8 : bit;
 }
 
-/* An ESTOP before this reset, as the chip's own memory keeps it. */
-static void set_stopped(const elf_firmware_t *image)
+/* What the chip's own memory keeps of the time before this reset. */
+static void set_kept(const elf_firmware_t *image, const char *words)
 {
-    static const uint32_t mark = HAL_STOP_MARK;
+    uint32_t kept[LINK_KEPT] = {0};
+    (void)sscanf(words, "%u,%u,%u,%u", &kept[0], &kept[1], &kept[2], &kept[3]);
     for (uint32_t i = 0; i < image->symbolcount; i++) {
-        if (strcmp(image->symbol[i]->symbol, "stop_mark") == 0) {
-            memcpy(avr->data + (image->symbol[i]->addr & 0xFFFFu), &mark, sizeof mark);
+        if (strcmp(image->symbol[i]->symbol, "hal_kept") == 0) {
+            kept_at = (uint16_t)image->symbol[i]->addr;
+            memcpy(avr->data + kept_at, kept, sizeof kept);
         }
     }
 }
@@ -335,7 +339,7 @@ int main(int count, char **arguments)
     const char *store = NULL;
     int link = -1;
     int cause = 1;
-    bool stopped = false;
+    const char *kept = "";
     for (int i = 1; i + 1 < count; i += 2) {
         if (strcmp(arguments[i], "--elf") == 0) {
             elf = arguments[i + 1];
@@ -345,8 +349,8 @@ int main(int count, char **arguments)
             link = atoi(arguments[i + 1]);
         } else if (strcmp(arguments[i], "--cause") == 0) {
             cause = atoi(arguments[i + 1]);
-        } else if (strcmp(arguments[i], "--stopped") == 0) {
-            stopped = atoi(arguments[i + 1]) != 0;
+        } else if (strcmp(arguments[i], "--kept") == 0) {
+            kept = arguments[i + 1];
         } else if (strcmp(arguments[i], "--watch") == 0 && watches < LINK_WATCHED) {
             watch_at[watches++] = (uint16_t)strtoul(arguments[i + 1], NULL, 0);
         }
@@ -378,9 +382,7 @@ int main(int count, char **arguments)
     load_store(store);
     on_reset(NULL);
     set_cause(cause);
-    if (stopped) {
-        set_stopped(&image);
-    }
+    set_kept(&image, kept);
     after_reset();
     serve(link);
     return 0;

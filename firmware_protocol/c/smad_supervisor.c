@@ -274,6 +274,7 @@ static uint8_t smad_sv_param_crc(struct smad_sv_memory *s, const struct smad_sv_
 static uint8_t smad_sv_armed_too_long(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, uint8_t k);
 static uint8_t smad_sv_fire(struct smad_sv_memory *s, uint8_t trigger);
 static int32_t smad_sv_saturated(int32_t value);
+static void smad_sv_remember(struct smad_sv_memory *s, uint8_t fault, uint8_t channel);
 static void smad_sv_latch(struct smad_sv_memory *s, uint8_t fault, uint8_t channel, uint8_t trigger);
 static void smad_sv_run_checks(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim);
 static void smad_sv_run_timers(struct smad_sv_memory *s, const struct smad_sv_limits *lim);
@@ -1292,7 +1293,7 @@ static int32_t smad_sv_saturated(int32_t value)
     return smad_sv_min32(smad_sv_max32(value, SMAD_SV_I32_LEAST), SMAD_SV_I32_MOST);
 }
 
-static void smad_sv_latch(struct smad_sv_memory *s, uint8_t fault, uint8_t channel, uint8_t trigger)
+static void smad_sv_remember(struct smad_sv_memory *s, uint8_t fault, uint8_t channel)
 {
     s->faults = ((int32_t)s->faults | ((int32_t)1 * ((int32_t)1 << ((int16_t)fault - 1))));
     if (!(s->latched)) {
@@ -1303,6 +1304,11 @@ static void smad_sv_latch(struct smad_sv_memory *s, uint8_t fault, uint8_t chann
         s->first_limit = smad_sv_saturated(s->limit);
         s->first_us = s->now_us;
     }
+}
+
+static void smad_sv_latch(struct smad_sv_memory *s, uint8_t fault, uint8_t channel, uint8_t trigger)
+{
+    smad_sv_remember(s, fault, channel);
     smad_sv_fire(s, trigger);
 }
 
@@ -1489,9 +1495,17 @@ void smad_sv_sample(struct smad_sv_memory *s, const struct smad_sv_measurements 
     smad_sv_decide(s, lim);
 }
 
+uint8_t smad_sv_on_restart(struct smad_sv_memory *s, const struct smad_sv_command *c)
+{
+    smad_sv_remember(s, smad_sv_min16(smad_sv_max16((int16_t)c->fault, SMAD_FAULT_SELF_TEST), SMAD_FAULT_OVER_CURRENT), s->channel);
+    return 0;
+}
+
 uint8_t smad_sv_on_self_test(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c)
 {
-    if (c->passed) {
+    if ((c->passed) && (s->latched)) {
+        smad_sv_fire(s, SMAD_TRIGGER_FAULT_RAISED);
+    } else if (c->passed) {
         smad_sv_fire(s, SMAD_TRIGGER_SELF_TEST_PASSED);
     } else {
         s->value = 0;

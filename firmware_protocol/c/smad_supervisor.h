@@ -239,6 +239,7 @@ void smad_sv_configure(struct smad_sv_memory *s, const struct smad_sv_limits *li
 void smad_sv_tighten(struct smad_sv_limits *lim, uint16_t number, int32_t value);
 
 void smad_sv_sample(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, int64_t now_us);
+uint8_t smad_sv_on_restart(struct smad_sv_memory *s, const struct smad_sv_command *c);
 uint8_t smad_sv_on_self_test(struct smad_sv_memory *s, const struct smad_sv_limits *lim, const struct smad_sv_command *c);
 uint8_t smad_sv_on_arm_request(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us);
 uint8_t smad_sv_on_arm_confirm(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim, const struct smad_sv_command *c, int64_t now_us);

@@ -33,8 +33,8 @@ from firmware_protocol.supervisor.translate import (
 
 MODULES: tuple[ModuleType, ...] = (observers, checks, machine)
 PUBLIC = (
-    "sample", "on_self_test", "on_arm_request", "on_arm_confirm", "on_setpoint", "on_disarm",
-    "on_estop", "on_clear_fault",
+    "sample", "on_restart", "on_self_test", "on_arm_request", "on_arm_confirm", "on_setpoint",
+    "on_disarm", "on_estop", "on_clear_fault",
 )  # fmt: skip
 OWN_ENUMS: tuple[type[IntEnum], ...] = (Trigger, PumpPolicy)
 WIRE_ENUMS: tuple[type[IntEnum], ...] = (

@@ -64,7 +64,7 @@ def saturated(value: int) -> int:
     return min(max(value, I32_LEAST), I32_MOST)
 
 
-def latch(s: Memory, fault: int, channel: int, trigger: int) -> None:
+def remember(s: Memory, fault: int, channel: int) -> None:
     """Add a fault; remember it with s.value and s.limit if it is the first one."""
     s.faults |= 1 << (fault - 1)
     if not s.latched:
@@ -74,6 +74,11 @@ def latch(s: Memory, fault: int, channel: int, trigger: int) -> None:
         s.first_value = saturated(s.value)
         s.first_limit = saturated(s.limit)
         s.first_us = s.now_us
+
+
+def latch(s: Memory, fault: int, channel: int, trigger: int) -> None:
+    """Add a fault, and follow its trigger."""
+    remember(s, fault, channel)
     fire(s, trigger)
 
 
@@ -214,9 +219,17 @@ def sample(s: Memory, m: Measurements, lim: Limits, now_us: int) -> None:
     decide(s, lim)
 
 
+def on_restart(s: Memory, c: Command) -> int:
+    """Remember in BOOT the first fault from before a reset, with s.channel, s.value and s.limit."""
+    remember(s, min(max(c.fault, Fault.SELF_TEST), Fault.OVER_CURRENT), s.channel)
+    return 0
+
+
 def on_self_test(s: Memory, lim: Limits, c: Command) -> int:
-    """End BOOT."""
-    if c.passed:
+    """End BOOT, in FAULT if there was one before the reset."""
+    if c.passed and s.latched:
+        fire(s, Trigger.FAULT_RAISED)
+    elif c.passed:
         fire(s, Trigger.SELF_TEST_PASSED)
     else:
         s.value = 0

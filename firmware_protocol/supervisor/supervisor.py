@@ -35,6 +35,31 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
+class FirstFault:
+    """The first cause, as latched. `measured` and `limit` are in the fault's unit."""
+
+    fault: Fault
+    channel: Channel
+    measured: int
+    limit: int
+    t_us: int
+
+    def __str__(self) -> str:
+        unit = FAULT_TEXTS[self.fault].unit
+        return (
+            f"{self.fault.name} on {self.channel.name}: {self.measured} {unit}, "
+            f"limit {self.limit} {unit}".replace("  ", " ")
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Restarted:
+    """The board was reset with this first fault latched."""
+
+    first: FirstFault
+
+
+@dataclass(frozen=True, slots=True)
 class SelfTest:
     """The self-test of BOOT ended."""
 
@@ -85,7 +110,8 @@ class Stopped:
     """ESTOP."""
 
 
-Event = SelfTest | ArmRequested | ArmConfirmed | SetpointArrived | Disarmed | FaultCleared | Stopped
+HostCommand = ArmRequested | ArmConfirmed | SetpointArrived | Disarmed | FaultCleared | Stopped
+Event = Restarted | SelfTest | HostCommand
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,24 +138,6 @@ class Outcome:
 ACCEPTED = Outcome(None)
 
 
-@dataclass(frozen=True, slots=True)
-class FirstFault:
-    """The first cause, as latched. `measured` and `limit` are in the fault's unit."""
-
-    fault: Fault
-    channel: Channel
-    measured: int
-    limit: int
-    t_us: int
-
-    def __str__(self) -> str:
-        unit = FAULT_TEXTS[self.fault].unit
-        return (
-            f"{self.fault.name} on {self.channel.name}: {self.measured} {unit}, "
-            f"limit {self.limit} {unit}".replace("  ", " ")
-        )
-
-
 class Supervisor:
     """Decides, sample by sample and command by command, what the board lets out.
 
@@ -141,6 +149,7 @@ class Supervisor:
         self.memory, self.measurements, self._command = self._records()
         self.set_limits(compiled_limits() if limits is None else limits)
         self._handlers: dict[type, Callable[..., int]] = {
+            Restarted: self._restart,
             SelfTest: self._self_test,
             ArmRequested: self._arm_request,
             ArmConfirmed: self._arm_confirm,
@@ -223,6 +232,11 @@ class Supervisor:
 
     def _decide_setpoint(self, c: Command, now_us: int) -> int:
         return machine.on_setpoint(self.memory, self.limits, c, now_us)
+
+    def _restart(self, event: Restarted, now_us: int) -> int:
+        s, first = self.memory, event.first
+        s.channel, s.value, s.limit = int(first.channel), first.measured, first.limit
+        return machine.on_restart(s, Command(fault=int(first.fault)))
 
     def _self_test(self, event: SelfTest, now_us: int) -> int:
         return machine.on_self_test(self.memory, self.limits, Command(passed=int(event.passed)))

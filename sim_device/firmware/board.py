@@ -69,7 +69,7 @@ def _read(number: int, payload: bytes) -> wire.Message | None:
 class FirmwareBoard:
     """One power-up of the firmware, as a process. `close` ends it.
 
-    program: command line of the port. path: file of its store. stopped: there was an ESTOP before
+    program: command line of the port. path: file of its store. kept: of the board before
     this reset. start_us: chip time at power-up.
     Raises LinkError when the process does not come up.
     """
@@ -84,7 +84,7 @@ class FirmwareBoard:
         *,
         hardware: Hardware,
         cause: ResetCause = ResetCause.POWER_ON,
-        stopped: bool = False,
+        kept: Sequence[int] = (),
         start_us: int = 0,
     ) -> None:
         self.hardware = hardware
@@ -108,13 +108,15 @@ class FirmwareBoard:
         """Cycles that an emulated chip took for its last sample."""
         self.watched: tuple[int, ...] = ()
         """Long words of an emulated chip's memory, where each `--watch` of its program says."""
+        self.kept: tuple[int, ...] = ()
+        """What the chip's memory holds for the time after a reset."""
         self._path = path
         self._to_send = bytearray()
         self._codes = encode(self.measurements, hardware)
         self._end, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._end.settimeout(PATIENCE_S)
         arguments = ["--link", str(theirs.fileno()), "--store", str(path), "--time", str(start_us)]
-        arguments += ["--stopped", str(int(stopped))]
+        arguments += ["--kept", ",".join(map(str, kept))]
         try:
             self._process = subprocess.Popen(
                 [*program, *arguments, "--cause", str(int(cause))], pass_fds=[theirs.fileno()]
@@ -229,6 +231,7 @@ class FirmwareBoard:
         self.clock_us = out.t_us
         self.sample_cycles = out.sample_cycles or self.sample_cycles
         self.watched = out.watched
+        self.kept = out.kept
         if out.resets != self.resets:
             self.resets = out.resets
             self.now_us = out.t_us

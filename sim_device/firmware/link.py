@@ -12,7 +12,7 @@ from sim_device.firmware.frontend import Codes
 MOST_BYTES = 4096
 PATIENCE_S = 60.0
 _IN = struct.Struct("<II8H4Hii2IBBH")
-_OUT = struct.Struct("<Q2H2BBBHHI4I")
+_OUT = struct.Struct("<Q2H2BBBHHI4I4I")
 
 
 class LinkError(BenchError):
@@ -30,6 +30,7 @@ class Outputs(NamedTuple):
     resets: int
     sample_cycles: int
     watched: tuple[int, ...]
+    kept: tuple[int, ...]
     data: bytes
 
 
@@ -57,7 +58,7 @@ def pack(
 
 def unpack(message: memoryview) -> tuple[Outputs, memoryview]:
     """Return the answer at the beginning of some bytes, and the bytes after it."""
-    t_us, i_x, i_y, pump_x, pump_y, gate, drain, resets, size, cycles, *watched = _OUT.unpack_from(
+    t_us, i_x, i_y, pump_x, pump_y, gate, drain, resets, size, cycles, *words = _OUT.unpack_from(
         message
     )
     end = _OUT.size + size
@@ -69,7 +70,8 @@ def unpack(message: memoryview) -> tuple[Outputs, memoryview]:
         drain,
         resets,
         cycles,
-        tuple(watched),
+        tuple(words[:4]),
+        tuple(words[4:]),
         bytes(message[_OUT.size : end]),
     )
     return out, message[end:]

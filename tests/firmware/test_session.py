@@ -275,6 +275,66 @@ def test_estop_outlives_a_reset_of_the_chip_and_not_a_power_cycle(
     assert identity(loop).reset_cause is ResetCause.POWER_ON
 
 
+@pytest.mark.parametrize("cause", [ResetCause.WATCHDOG, ResetCause.PIN])
+def test_a_fault_outlives_a_reset_of_the_chip_until_it_is_cleared(
+    make: Make, cause: ResetCause
+) -> None:
+    loop = Loop(make()).armed()
+    loop.answer = lambda state: None
+    loop.until(lambda: loop.mode is BoardState.FAULT, 100)
+    loop.step(5)
+    (before,) = loop.reports
+    if cause is ResetCause.WATCHDOG:
+        loop.bench.hang(0.3)
+    else:
+        image = bytearray(loop.bench.board.image or loop.bench.board.parameters.image())
+        image[9] ^= 1
+        loop.bench.board.image = bytes(image)
+        loop.bench.reboot(cause)
+    begin = len(loop.states)
+    loop.until(lambda: loop.restarts and len(loop.of(Connected)) == 2, 200)
+    loop.step(10)
+    assert {s.mode for s in loop.states[begin:]} <= {BoardState.BOOT, BoardState.FAULT}
+    first = loop.request(wire.FaultGet(0, 0))
+    assert isinstance(first, wire.FaultReport)
+    assert first.fault is Fault.SETPOINT_LOST
+    assert (first.channel, first.measured) == (before.channel, before.measured)
+    assert first.limit == before.limit
+    refused = loop.request(wire.ArmRequest(0, identity(loop).param_crc))
+    assert error_of(refused) is ErrorCode.FAULT_PRESENT
+    clear = wire.ClearFault(0, Fault.SETPOINT_LOST)
+    if cause is ResetCause.PIN:
+        # Damaged parameters, found while the older fault is the first, can be mended.
+        assert error_of(loop.request(clear)) is ErrorCode.CAUSE_REMAINS
+        assert isinstance(loop.request(wire.ParamSet(0, LIMIT, 900)), wire.ParamValue)
+        assert isinstance(loop.request(wire.ParamSave()), wire.Done)
+        loop.step(2)
+    assert isinstance(loop.request(clear), wire.Done)
+    loop.bench.reboot(ResetCause.PIN)
+    loop.until(lambda: len(loop.of(Connected)) == 3 and loop.mode is not BoardState.BOOT)
+    assert loop.mode is BoardState.SAFE
+
+
+def test_a_fault_stays_the_first_one_when_an_estop_and_resets_follow(make: Make) -> None:
+    loop = Loop(make()).armed()
+    loop.answer = lambda state: None
+    loop.until(lambda: loop.mode is BoardState.FAULT, 100)
+    loop.bench.reboot(ResetCause.PIN)
+    loop.until(lambda: len(loop.of(Connected)) == 2 and loop.mode is BoardState.FAULT)
+    loop.host.send_estop()
+    loop.until(lambda: loop.mode is BoardState.ESTOP, 10)
+    loop.bench.reboot(ResetCause.PIN)
+    begin = len(loop.states)
+    loop.until(lambda: len(loop.of(Connected)) == 3)
+    loop.step(10)
+    assert {state.mode for state in loop.states[begin:]} == {BoardState.ESTOP}
+    first = loop.request(wire.FaultGet(0, 0))
+    assert isinstance(first, wire.FaultReport)
+    assert first.fault is Fault.SETPOINT_LOST
+    restarted(loop)
+    assert loop.mode is BoardState.SAFE
+
+
 def test_parameters_are_set_within_their_range_and_only_where_it_is_safe(make: Make) -> None:
     loop = Loop(make()).connected()
     for row in PARAMETERS:

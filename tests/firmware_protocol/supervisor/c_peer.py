@@ -63,6 +63,7 @@ COMMAND
         case 5: code = smad_sv_on_disarm(&s, lim); break;
         case 6: code = smad_sv_on_estop(&s, lim); break;
         case 7: code = smad_sv_on_clear_fault(&s, lim, &c); break;
+        case 8: code = smad_sv_on_restart(&s, &c); break;
         default: return 3;
         }
         fwrite(&code, sizeof code, 1, stdout);

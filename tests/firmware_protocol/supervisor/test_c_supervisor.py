@@ -38,6 +38,9 @@ class Walk:
         self.samples = 0
 
     def go(self, steps: int) -> None:
+        if self.rng.random() < 0.1:
+            # 0 and 255 are no faults; another firmware's memory may hold them.
+            self.command(8, Command(fault=self.rng.randrange(256)))
         self.command(1, Command(passed=int(self.rng.random() < 0.95)))
         for _ in range(steps):
             self.sample()
@@ -56,6 +59,7 @@ class Walk:
             lambda: machine.on_disarm(s, lim),
             lambda: machine.on_estop(s, lim),
             lambda: machine.on_clear_fault(s, lim, c),
+            lambda: machine.on_restart(s, c),
         )
         self.rows.extend(c_peer.row(what, self.now_us, c))
         code = int(actions[what - 1]())

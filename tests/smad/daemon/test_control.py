@@ -115,6 +115,29 @@ async def test_pulling_the_plug_lands_in_monitor_and_never_arms_again(tmp_path: 
         assert rig.bench.board.state not in (BoardState.ARMED, BoardState.HOLD)
 
 
+async def test_a_fault_is_shown_and_stays_after_the_port_was_reopened(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        for _ in range(2):
+            rig.pull_the_plug()
+            await rig.run_for(1.0)
+            rig.plug_in()
+            # DTR resets the board, and its memory keeps the fault.
+            rig.bench.reboot(ResetCause.PIN)
+            while rig.axis.link.transport is None:
+                await asyncio.sleep(0.01)
+            await rig.run_for(3.0)
+            status = (await rig.ask("status"))["motion"]
+            assert (status["mode"], status["fault"]["name"]) == ("FAULT", "SETPOINT_LOST")
+            with pytest.raises(Refused) as refused:
+                await rig.ask("arm")
+            assert refused.value.reason == "faulted"
+        await rig.ask("clear")
+        rig.bench.reboot(ResetCause.PIN)
+        await rig.run_for(3.0)
+        await rig.ask("arm")
+
+
 async def test_a_dying_control_task_stops_stepping_and_still_disarms(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
