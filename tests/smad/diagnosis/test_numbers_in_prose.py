@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from evaluation.calibrate.fitting import HELD
+from evaluation.programme.separations import Limits
 from evaluation.score.answers import NAMED
 from sim_device.plant.laws import LAGS_S
 from smad.checkup.proposal import SEPARATED
@@ -28,6 +29,7 @@ DIAGNOSIS, GUIDE, CHECK_UP, TRUST, EVALUATION = (
 NUMBERS = {2: "two", 3: "three", 4: "four", 5: "fifth", 8: "eight", 10: "ten"}
 WEAK, TYPICAL = changes._LEVELS
 SHORT_S, LONG_S = LAGS_S
+MOST = Limits()
 
 CLAIMS = [
     (DIAGNOSIS, f"and {100 * noise.RESOLUTION:g} % of its swing"),
@@ -49,6 +51,10 @@ CLAIMS = [
     (DIAGNOSIS, f"probability above {1 - constants.shipped().credible_level:.2f}"),
     (GUIDE, f"A run needs {Traits().shortest_s:g} s and {grid.LEAST_PERIODS} [rows]"),
     (GUIDE, f"lacks a {NUMBERS[round(1 / readings._MOST_MISSING)]} of its samples"),
+    (
+        CHECK_UP,
+        f"below {MOST.temperature_degC:g} °C, {MOST.displacement_mm:g} mm and {MOST.force_N:g} N",
+    ),
     (CHECK_UP, f"rows of {grid.PERIOD_S} s"),
     (CHECK_UP, f"(d² ≥ {SEPARATED:g}, every whitened row"),
     (TRUST, f"A name is given from a probability of {NAMED} on"),
