@@ -53,7 +53,7 @@ class Term:
     """A basis function with its coefficient, which has the unit of the place.
 
     No factor is a constant, two are multiplied. order: 1 for a constant or a straight line, 2 for
-    what bends it, 3 for lags and products; a prior shrinks higher ones more.
+    what bends it, 3 for lags and products; a selection prefers lower ones.
     """
 
     name: str

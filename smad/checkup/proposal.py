@@ -1,7 +1,8 @@
 """Which run to play next to separate the rivals that a check-up leaves. Pure: no bench, no clock.
 
 The separation of two rivals by a run is d², the squared distance of their predicted rows over the
-variance of a row. 16 is four standard errors.
+variance of a row. 16 is four standard errors if whitened rows are independent; the score counts
+sixteen rows as one, so that it may stay undecided after such a run.
 """
 
 from __future__ import annotations

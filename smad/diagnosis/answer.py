@@ -185,7 +185,7 @@ def _gap(signal: str, unit: str, floor: float, rms: Sequence[float], words: str)
 
 
 def gaps_on(answer: Answer, evidence: Evidence) -> list[SignalGap]:
-    """The gaps of further runs, to which nothing is fitted, for each stage of an answer.
+    """The gaps of further runs, to which only drifts are fitted, for each stage of an answer.
 
     Empty where the model cannot replay them.
     """

@@ -52,9 +52,9 @@ def diagnose(
     first, each by models fitted to the others; where these show no cause, or there are none, the
     other runs are judged. `hold_out` are runs to judge on; without them, too, each run is judged by
     models fitted to the others.
-    `candidates` are the effects that may be named. Nothing is random. Raises PlantMismatch for a
-    candidate that the plant does not have or what is no run, and GapError if the model cannot
-    replay the runs; runs that cannot be used are refused in the verdict.
+    `candidates` are the effects that may be named. Equal runs give equal answers. Raises
+    PlantMismatch for a candidate that the plant does not have or what is no run, and GapError if
+    the model cannot replay the runs; runs that cannot be used are refused in the verdict.
     """
     began = time.perf_counter()
     effects = library(plant, candidates)

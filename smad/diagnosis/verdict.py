@@ -241,7 +241,8 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ParameterMoved(msgspec.Struct, frozen=True, kw_only=True):
-    """A parameter of the model: as configured, in the final model, and its standard deviation."""
+    """A parameter: where the question starts (as configured, or fitted to the good runs), in the
+    final model, and its standard deviation."""
 
     name: str
     unit: str
@@ -255,7 +256,7 @@ class ParameterMoved(msgspec.Struct, frozen=True, kw_only=True):
 class SignalGap(msgspec.Struct, frozen=True, kw_only=True):
     """One signal's RMS on the judged runs, in its unit, of the quantity in the verdict's `gaps_of`.
 
-    `raw`: the simulator as configured; `parameters`: with other values of the parameters;
+    `raw`: the simulator as configured, or that of the good runs; `parameters`: with other values;
     `causes`: with the first cause, the first two, and so on. `floor` is its noise.
     """
 
@@ -291,8 +292,8 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     """The answer to one question: *differs* (no good runs), *changed* (since the good runs) or
     *check-up* (the same inputs).
 
-    `causes` are in the order in which they entered; `rivals` is the table of the last step, in
-    which nothing more was likeliest (or nothing at all). `models` are model files as text: with
+    `causes` are in the order in which they entered; `rivals` is the table of the last step, that of
+    the last cause where the search ended with it. `models` are model files as text: with
     other parameters, then with each cause (empty for a plant that writes none). `budget` has the
     gap of each signal, of what `gaps_of` says, and `whole` that over all signals, in floors.
     `unseen` says of each effect which strength these runs would not have shown.

@@ -1,4 +1,4 @@
-"""The gap of new runs with the nominal and with an improved model, without any fit."""
+"""The gap of new runs with the nominal and an improved model: only drifts of a run are fitted."""
 
 from __future__ import annotations
 

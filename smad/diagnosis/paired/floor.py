@@ -25,7 +25,8 @@ _PRIOR_DEGREES, _FEWEST_DEGREES = 1.0, 2
 distribution has no variance."""
 _GAUGE_ROWS = 50.0
 _MOST_GAUGE = 2.0
-"""Largest factor by which repeats raise the floor; larger differences show as a gap."""
+"""Largest factor by which repeats raise the floor, before that for few of them; larger differences
+show as a gap."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,9 @@ class Deviation:
 class Floor:
     """Standard deviations (channels, regimes), correlation (channels,), day spread (directions,).
 
-    `degrees` is the number of independent repeats over all runs. `gauge` (channels,) is the RMS of
-    the repeats' own white rows, by which standard deviations are corrected.
+    `degrees` is the number of independent repeats over all runs. `gauge` (channels,) corrects the
+    standard deviations: the RMS of the repeats' own white rows, times √(n/(n − 2)) for few repeats,
+    n = max(`degrees`, 2) + 1.
     """
 
     sd: Array

@@ -4,7 +4,8 @@ Minimises, over the coordinates x of a model,
 
     F(x) = Σ_c n_c/τ · log(v_c(x) + 1) + (x − m)ᵀ P (x − m),
 
-where v_c is the mean square of the n_c rows of channel c, in floors, and τ their correlation time.
+where v_c is the mean square of the n_c rows of channel c, in floors, τ their correlation time, m
+and P the mean and the precision of the prior.
 A channel weighs the less the larger its residual is, so that no single channel decides the fit.
 Damped Gauss–Newton steps minimise F. The fit ends when no damping lowers F, or when a round lowers
 it by less than `_ENOUGH`.
