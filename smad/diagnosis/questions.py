@@ -134,7 +134,11 @@ def changed_runs(admitted: AdmittedRuns) -> Search:
         uncertainty = uncertainty + precision.covariance(known)[:n, :n]
     tied = np.asarray(np.linalg.inv(uncertainty))
     new = admitted.question(start, admitted.fit, admitted.held_out, floors, tied)
-    # The residual of the good runs above the noise is model error, which these runs have, too. A
-    # rival may lead in any channel, so the largest share counts.
-    form = 1.0 - (admitted.floors / floors)[counts > 0] ** 2
-    return run_search(replace(new, form_share=float(form.max()), good=len(admitted.good)))
+    # The residual of the good runs above the noise is model error, which these runs have, too.
+    form = 1.0 - (admitted.floors / floors) ** 2
+    shares = {
+        # A rival may lead in any channel, but its gap is that of all channels.
+        "form_share": float(form.max()),
+        "mean_form_share": float(np.average(form, weights=new.judged.counts.sum(axis=0))),
+    }
+    return run_search(replace(new, **shares, good=len(admitted.good)))

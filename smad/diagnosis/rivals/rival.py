@@ -100,7 +100,8 @@ class Question:
     `tied` (p, p) is the precision of the parameters' prior until other values of them enter; None:
     they are free from the start. `responses` of laws and `changes` by effects are given where they
     are known already. `form_share` is the largest share of a floor's square that is model error,
-    and `good` the number of runs that it was measured on. `form_sd` (bins, channels) of each judged
+    `mean_form_share` the mean over the judged rows of all channels, and `good` the number of runs
+    that they were measured on. `form_sd` (bins, channels) of each judged
     run is the form error of the parts that have entered, in channel units; empty before.
     """
 
@@ -114,6 +115,7 @@ class Question:
     constants: Constants
     say: Say
     form_share: float = 0.0
+    mean_form_share: float = 0.0
     good: int = 0
     form_sd: tuple[Array, ...] = ()
 
@@ -226,7 +228,8 @@ class Question:
     @property
     def quiet_gap(self) -> float:
         """The largest gap, in floors, of a simulator that lacks nothing."""
-        return quiet_gap(self.form_share, shipped().evidence, self.good)
+        runs = len(self.judged.trials)
+        return quiet_gap(self.mean_form_share, shipped().evidence, runs, self.good)
 
     def refuted(self, rivals: Sequence[Rival]) -> list[bool]:
         """Which rivals have a gap above `quiet_gap` while another one has not.

@@ -166,9 +166,12 @@ def test_what_good_runs_leave_above_the_noise_counts_as_few_rows_however_long_a_
     assert effective_rows(ROWS, 0.1, kappa, 4) > 0.7 * ROWS
 
 
-def test_an_error_of_form_may_leave_more_of_one_run_than_of_the_good_ones_in_one_of_100() -> None:
+@pytest.mark.parametrize(("runs", "good"), [(1, 4), (3, 2)])
+def test_an_error_of_form_may_leave_more_of_new_runs_than_of_the_good_ones_in_one_of_100(
+    runs: int, good: int
+) -> None:
     rng = np.random.default_rng(1)
-    new = rng.chisquare(2.5, 100_000) / 2.5
-    floor = rng.chisquare(4 * 2.5, 100_000) / (4 * 2.5)
-    assert quiet_gap(0.0, 2.5, 4) == pytest.approx(1.35)
-    assert np.mean(np.sqrt(new / floor) > quiet_gap(1.0, 2.5, 4)) == pytest.approx(0.01, abs=0.002)
+    new, floor = (rng.chisquare(n * 2.5, 100_000) / (n * 2.5) for n in (runs, good))
+    assert quiet_gap(0.0, 2.5, runs, good) == pytest.approx(1.35)
+    most = quiet_gap(1.0, 2.5, runs, good)
+    assert np.mean(np.sqrt(new / floor) > most) == pytest.approx(0.01, abs=0.002)
