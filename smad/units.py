@@ -15,7 +15,8 @@ SPELLINGS: Mapping[str, str] = {
     "sec": "s", "msec": "ms", "seconds": "s", "sekunden": "s", "milliseconds": "ms",
     "minutes": "min", "hours": "h", "volt": "V", "volts": "V", "ampere": "A", "amps": "A",
     "newton": "N", "Nm": "N m", "mNm": "mN m", "N·m": "N m", "N*m": "N m",
-    "°/s": "deg/s", "r/min": "rpm", "1/min": "rpm", "°C/s": "K/s", "C/s": "K/s",
+    "PSI": "psi", "hPa": "mbar", "°/s": "deg/s", "r/min": "rpm", "1/min": "rpm", "°C/s": "K/s",
+    "C/s": "K/s",
 }  # fmt: skip
 """Other ways to write a unit of the table; words in small or capital letters."""
 
@@ -27,7 +28,7 @@ _ABBREVIATED: dict[str, str] = {
     "N_m_A": "N m/A", "N_m_s": "N m s", "N_m_s_rad": "N m s/rad", "N_m_rad": "N m/rad",
     "N_s_m": "N s/m", "V_s_rad": "V s/rad", "N_A": "N/A", "J_kg": "J/kg", "kg_m2": "kg m²",
     "m_s2": "m/s²", "rad_s2": "rad/s²", "m3_s": "m³/s", "1_s": "1/s", "Hz": "Hz", "Ohm": "Ohm",
-    "J": "J",
+    "J": "J", "hPa": "mbar",
 }  # fmt: skip
 _ALL = {re.sub("[ /]", "_", unit): unit for unit in UNITS if unit not in _WORDS} | _ABBREVIATED
 _ENDINGS = dict(sorted(_ALL.items(), key=lambda pair: -len(pair[0])))
