@@ -194,3 +194,16 @@ def range_in_words(low: float, high: float, unit: str = "", *, above: bool = Fal
 
 
 _READ = {"degC": "°C", "deg": "°", "Ohm": "Ω", "um": "µm", "pct": "%"}
+
+NO_BREAK = "\u00a0"
+_SHOWN = (*_ALL.values(), "min", "h", "g", "L", "floors", "MB")
+_READ_UNITS = sorted({in_words(u) for u in _SHOWN}, reverse=True)
+_VALUE = re.compile(
+    rf"(?<=\d) (?:{'|'.join(re.escape(unit) for unit in _READ_UNITS)})(?![^\W_])"
+    r"|(?<=\S) ± (?=\d)"
+)
+
+
+def unparted(text: str) -> str:
+    """The text with no-break spaces in its values: `0.60 ± 0.01 s` stays in one line."""
+    return _VALUE.sub(lambda value: value[0].replace(" ", NO_BREAK), text)
