@@ -15,19 +15,21 @@ SPELLINGS: Mapping[str, str] = {
     "sec": "s", "msec": "ms", "seconds": "s", "sekunden": "s", "milliseconds": "ms",
     "minutes": "min", "hours": "h", "volt": "V", "volts": "V", "ampere": "A", "amps": "A",
     "newton": "N", "Nm": "N m", "mNm": "mN m", "N·m": "N m", "N*m": "N m",
-    "°/s": "deg/s", "r/min": "rpm", "1/min": "rpm", "°C/s": "K/s", "C/s": "K/s",
+    "PSI": "psi", "hPa": "mbar", "°/s": "deg/s", "r/min": "rpm", "1/min": "rpm", "°C/s": "K/s",
+    "C/s": "K/s",
 }  # fmt: skip
 """Other ways to write a unit of the table; words in small or capital letters."""
 
 
-_WORDS = ("in", "h", "min", "g", "1")
-"""Units of the table that are words as well: a name that ends so, "flow_in", may mean these."""
+_WORDS = ("in", "h", "min", "g", "psi", "1")
+"""Units of the table that are words as well: a name that ends so, "flow_in", may mean these; ψ is
+an angle of yaw."""
 _ABBREVIATED: dict[str, str] = {
     "Nm": "N m", "J_K": "J/K", "W_K": "W/K", "K_W": "K/W", "W_m2K": "W/(m² K)",
     "N_m_A": "N m/A", "N_m_s": "N m s", "N_m_s_rad": "N m s/rad", "N_m_rad": "N m/rad",
     "N_s_m": "N s/m", "V_s_rad": "V s/rad", "N_A": "N/A", "J_kg": "J/kg", "kg_m2": "kg m²",
     "m_s2": "m/s²", "rad_s2": "rad/s²", "m3_s": "m³/s", "1_s": "1/s", "Hz": "Hz", "Ohm": "Ohm",
-    "J": "J",
+    "J": "J", "hPa": "mbar",
 }  # fmt: skip
 _ALL = {re.sub("[ /]", "_", unit): unit for unit in UNITS if unit not in _WORDS} | _ABBREVIATED
 _ENDINGS = dict(sorted(_ALL.items(), key=lambda pair: -len(pair[0])))
@@ -193,3 +195,16 @@ def range_in_words(low: float, high: float, unit: str = "", *, above: bool = Fal
 
 
 _READ = {"degC": "°C", "deg": "°", "Ohm": "Ω", "um": "µm", "pct": "%"}
+
+NO_BREAK = "\u00a0"
+_SHOWN = (*_ALL.values(), "min", "h", "g", "L", "floors", "MB")
+_READ_UNITS = sorted({in_words(u) for u in _SHOWN}, reverse=True)
+_VALUE = re.compile(
+    rf"(?<=\d) (?:{'|'.join(re.escape(unit) for unit in _READ_UNITS)})(?![^\W_])"
+    r"|(?<=\S) ± (?=\d)"
+)
+
+
+def unparted(text: str) -> str:
+    """The text with no-break spaces in its values: `0.60 ± 0.01 s` stays in one line."""
+    return _VALUE.sub(lambda value: value[0].replace(" ", NO_BREAK), text)

@@ -86,6 +86,8 @@ UNITS: dict[str, Unit] = {
     "MPa": Unit("Pa", 1e6),
     "GPa": Unit("Pa", 1e9),
     "bar": Unit("Pa", 1e5),
+    "mbar": Unit("Pa", 1e2),
+    "psi": Unit("Pa", 6894.757293168361),
     "Pa/K": Unit("Pa/K", 1.0),
     "MPa/K": Unit("Pa/K", 1e6),
     "A": Unit("A", 1.0),

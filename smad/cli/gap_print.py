@@ -13,6 +13,7 @@ import click
 
 from smad.cli.options import option
 from smad.errors import REFUSED_STATUS
+from smad.view.terminal.tables import wrapped
 
 if TYPE_CHECKING:
     from smad.diagnosis.answer import Answer
@@ -89,7 +90,7 @@ def print_verdict(verdict: Verdict, steps: Sequence[tuple[str, str]] = ()) -> No
     width = min(100, shutil.get_terminal_size((100, 24)).columns)
     click.secho(headline, bold=True)
     for text in rest:
-        click.echo(text if text.startswith("  ") else click.wrap_text(text, width=width))
+        click.echo(text if text.startswith("  ") else "\n".join(wrapped(text, width)))
     for command, why in steps:
         click.echo(f"{why}: {command}" if command else why)
 

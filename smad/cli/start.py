@@ -56,7 +56,7 @@ def start(
     if no_realtime:
         config = without_realtime(config)
     options = Options(
-        reread=None if path is None else functools.partial(load_config, path),
+        reread=None if path is None else functools.partial(load_config, path, again=True),
         check_baud=fd is None,
         trace=None if trace_path is None else Trace(trace_path),
         patience=boards.patience,

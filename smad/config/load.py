@@ -21,13 +21,16 @@ _UNKNOWN = re.compile(r"^Object contains unknown field `(?P<name>.*)`$", re.DOTA
 _HELP = "`smad config show` prints every key"
 
 
-def load_config(path: str | Path) -> Config:
+def load_config(path: str | Path, *, again: bool = False) -> Config:
     """The configuration in the TOML file at `path`; keys left out have their defaults.
 
-    Raises ConfigError when the file cannot be read or holds anything that is not allowed.
+    Raises ConfigError when the file cannot be read or holds anything that is not allowed; `again`
+    also for a pipe, which can be read only once and would be waited for.
     """
     path = Path(path)
     cause, action = f"cannot read configuration {path}", "check the path given to --config"
+    if again and path.exists() and not path.is_file():
+        raise ConfigError(f"{cause} again: it is not a file", action="restart with a file")
     with refused_by_system(ConfigError, cause, action=action), path.open("rb") as file:
         data = file.read(_LARGEST_FILE_BYTES + 1)
     if len(data) > _LARGEST_FILE_BYTES:

@@ -136,9 +136,11 @@ def changed_runs(admitted: AdmittedRuns) -> Search:
     new = admitted.question(start, admitted.fit, admitted.held_out, floors, tied)
     # The residual of the good runs above the noise is model error, which these runs have, too.
     form = 1.0 - (admitted.floors / floors) ** 2
-    shares = {
+    new = replace(
+        new,
         # A rival may lead in any channel, but its gap is that of all channels.
-        "form_share": float(form.max()),
-        "mean_form_share": float(np.average(form, weights=new.judged.counts.sum(axis=0))),
-    }
-    return run_search(replace(new, **shares, good=len(admitted.good)))
+        form_share=float(form.max()),
+        mean_form_share=float(np.average(form, weights=new.judged.counts.sum(axis=0))),
+        good=len(admitted.good),
+    )
+    return run_search(new)

@@ -32,6 +32,12 @@ def simulated_board(
     `simulated_bench` does.
     """
     # Before the bench is started: it would wait for ever for a file that is a pipe.
+    if config_path is not None and not config_path.is_file():
+        raise ConfigError(
+            "a simulated bench reads the configuration again, so it has to be a file",
+            value=str(config_path),
+            action="write it into a file",
+        )
     parameter_text = _parameter_text(config)
     folder = Path(config.daemon.ipc_dir or default_folder()).absolute()
     prepare_folder(folder)

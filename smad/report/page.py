@@ -19,6 +19,7 @@ from smad.files import named_output
 from smad.report.panels import Panels
 from smad.style import assets
 from smad.style.palette import following
+from smad.units import unparted
 from smad.version import VERSION
 
 if TYPE_CHECKING:
@@ -113,10 +114,17 @@ class Page:
 def _template() -> Template:
     from jinja2 import Environment, StrictUndefined
 
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, finalize=_shown
+    )
     environment.globals["kind_of"] = lambda block: type(block).__name__
     environment.filters["following"] = following
     return environment.from_string(_text("page.html"))
+
+
+def _shown(value: object) -> object:
+    # What is marked as safe or escaped is a figure, or must stay as it is, as a command.
+    return unparted(value) if type(value) is str else value
 
 
 def _text(name: str) -> str:

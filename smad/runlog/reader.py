@@ -174,11 +174,11 @@ def _read(path: Path, axis: str, progress: Share) -> Run:
         raise RunLogError(
             f"cannot read {path}: {error.strerror}", action="check the path"
         ) from error
-    except NotMcapError:
+    except NotMcapError as error:
         raise RunLogError(
-            f"{path} is no run log: it does not begin as an MCAP file",
+            f"{path} is no run log: {error.why}",
             value=f"{size} bytes",
-            action="use `smad log import` for logs of other programs"
+            action=error.action or "use `smad log import` for logs of other programs"
             if size
             else "nothing was recorded into it; leave it out",
         ) from None

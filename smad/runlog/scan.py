@@ -45,7 +45,13 @@ PARSE_ERRORS = (McapError, struct.error, UnicodeDecodeError, ValueError)
 
 
 class NotMcapError(Exception):
-    """The file does not begin as an MCAP file does."""
+    """The file does not begin as an MCAP file does; `why` says so, and `action` what to do."""
+
+    def __init__(self, beginning: bytes) -> None:
+        self.why, self.action = "it does not begin as an MCAP file", ""
+        if beginning.startswith(MCAP0_MAGIC.partition(b"\r\n")[0]):
+            self.why = "its line ends were changed, as by a copy in text mode"
+            self.action = "copy it again in binary mode"
 
 
 class Message(NamedTuple):
@@ -78,8 +84,8 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
 
     Raises NotMcapError when the first bytes are not MCAP's, OSError when the disk fails.
     """
-    if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-        raise NotMcapError
+    if (beginning := file.read(len(MCAP0_MAGIC))) != MCAP0_MAGIC:
+        raise NotMcapError(beginning)
     offset = search_from = len(MCAP0_MAGIC)
     index_tells_loss = False
     while offset < size:

@@ -258,7 +258,7 @@ def create_log(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
     except OSError as error:
         raise RunLogError(
             f"cannot create {path}: {error.strerror}",
-            action="check the folder ([recorder] folder in the configuration)",
+            action="name another file, or another folder ([recorder] folder in the configuration)",
         ) from error
     cause, action = f"cannot write {path}", "free some space or choose a folder"
     with refused_by_system(RunLogError, cause, action=action):

@@ -131,7 +131,7 @@ class SimulatedPlant:
         driven = self._driven(point, run, whole)
         values = self.declared.values(point.theta, point.effects)
         key = (
-            (id(whole.t_s), id(whole.outputs), self.window_s, moved),
+            (self._windows.readings_of(whole), self.window_s, moved),
             tuple(values.values()),
             *(hash(driven[n].tobytes()) for n in sorted(driven)),
         )

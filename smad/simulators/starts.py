@@ -178,14 +178,20 @@ class Windows:
     def of(self, run: GapRun, window_s: float) -> list[Window]:
         """Windows of `window_s` of a run, thinned or not; 0: one, from its start to its end.
 
-        One that is pushed has the same times and readings, and so the same windows.
+        One that is pushed, or has other inputs, has the same times and readings, and so the same
+        windows.
         """
         whole = run.as_recorded
-        key = (id(run.t_s), id(whole.outputs), window_s)
+        key = (id(run.t_s), self.readings_of(whole), window_s)
         if key not in self._cut_runs:
-            # The run is kept as well, so that nothing else gets its number.
+            # The run is kept as well, so that nothing else gets its numbers.
             self._cut_runs[key] = (run, self._cut(run.t_s, whole, window_s))
         return self._cut_runs[key][1]
+
+    def readings_of(self, whole: GapRun) -> tuple[int, ...]:
+        """Numbers of the arrays from which the windows of a run begin, while these exist."""
+        columns = (whole.t_s, whole.valid, *(whole.outputs.get(n) for n in self._outputs))
+        return tuple(map(id, columns))
 
     def _cut(self, t_s: Array, whole: GapRun, window_s: float) -> list[Window]:
         starts = Starts(whole, self._outputs)

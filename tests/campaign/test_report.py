@@ -67,7 +67,7 @@ def test_a_failure_is_told_with_what_was_injected() -> None:
 def test_page_and_json_hold_every_fault_and_failure() -> None:
     run = run_of(STOPPED, BAD, WENT_ON)
     page = render(page_of(run))
-    assert "9.0 J went in after the onset" in page
+    assert "9.0\u00a0J went in after the onset" in page
     assert "http" not in page
     data = json.loads(json_of(run))
     assert data["seed"] == 7

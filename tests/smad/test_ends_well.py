@@ -157,3 +157,5 @@ def test_a_pipe_as_parameter_file_is_refused_before_anything_is_started(
     path.write_text(f'[plant]\nparameter_file = "{tmp_path / "pipe"}"\n')
     assert execute(["start", "--sim", "--config", str(path)]) != 0
     assert "parameter_file is no file" in capsys.readouterr().err
+    assert execute(["start", "--sim", "--config", os.devnull]) != 0
+    assert "has to be a file" in capsys.readouterr().err

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 
@@ -37,14 +38,16 @@ class Progress:
         self._clock_s = clock_s
         self._began_s = clock_s()
         self._last_s = self._began_s
-        self._last = ""
+        self._early = self._last = ""
         self._terminal = sys.stderr.isatty()
         self._shown = False
 
     def say(self, text: str) -> None:
         """Show what is going on now."""
+        self._early = ""
         now_s = self._clock_s()
         if now_s - self._began_s < FIRST_PROGRESS_S:
+            self._early = text
             return
         if self._terminal:
             note(f"\r\x1b[K{text}", nl=False)
@@ -53,6 +56,11 @@ class Progress:
             note(text)
             self._last = text
             self._last_s = now_s
+
+    def say_again(self) -> None:
+        """Show what was said too early to be shown, and still goes on."""
+        if self._early:
+            self.say(self._early)
 
     def note(self, text: str) -> None:
         """Print a line that stays."""
@@ -69,9 +77,14 @@ class Progress:
 def progress() -> Iterator[Progress]:
     """A progress line for as long as the block lasts."""
     line = Progress()
+    late = threading.Timer(FIRST_PROGRESS_S, line.say_again)
+    late.daemon = True
+    late.start()
     try:
         yield line
     finally:
+        late.cancel()
+        late.join()
         line.done()
 
 

@@ -1,6 +1,5 @@
 """What `smad status --watch` shows: lines of text that fit a terminal. Pure."""
 
-import textwrap
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -14,6 +13,7 @@ from smad.runlog.schema import Row
 from smad.style.strips import STRIPS, Curve, Strip
 from smad.view.state import limiter_of, running_words
 from smad.view.terminal.axis_lines import aged, axis_lines
+from smad.view.terminal.tables import wrapped
 
 LEAST_COLUMNS, LEAST_ROWS = 60, 20
 MOST_HISTORY = 240
@@ -104,8 +104,8 @@ def _pinned(now: Status, columns: int) -> Iterator[Line]:
     else:
         yield Line(f"FAULT {motion.fault.in_words()} (by the {motion.fault.by})", "bad")
         text = FAULT_TEXTS[enums.Fault(motion.fault.number)]
-        wrapped = textwrap.wrap(f"{text.cause} {text.remedy} Then smad clear.", columns - 2)
-        yield from (Line(f"  {line}", "bad") for line in wrapped)
+        lines = wrapped(f"{text.cause} {text.remedy} Then smad clear.", columns - 2)
+        yield from (Line(f"  {line}", "bad") for line in lines)
     if now.warnings:
         yield Line(f"warnings: {', '.join(now.warnings)}", "warned")
     limiter = limiter_of(now)

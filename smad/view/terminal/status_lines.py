@@ -15,6 +15,7 @@ from smad.counted import counted
 from smad.files import display_path
 from smad.view.state import LINK_MEANS, limiter_of
 from smad.view.terminal.axis_lines import aged, axis_lines, number
+from smad.view.terminal.tables import wrapped
 
 _EVENTS = 5
 _LABEL = 11
@@ -182,7 +183,7 @@ def labelled(label: str, text: str) -> str:
 
 def folded(line: str, width: int) -> str:
     """Return a labelled line in lines of at most `width`: the text goes on below itself."""
-    return click.wrap_text(line, width, subsequent_indent=labelled("", ""))
+    return "\n".join(wrapped(line, width, labelled("", "")))
 
 
 def _lost(count: int) -> str:

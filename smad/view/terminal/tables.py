@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from smad.units import NO_BREAK, unparted
+
 if TYPE_CHECKING:
     from smad.report.page import Table
 
@@ -65,16 +67,23 @@ def fitted(
     head = len(_folded(header, widths, numeric))
     lines.insert(head, "─" * (sum(widths.values()) + _GAP * (len(columns) - 1)))
     if left_out:
-        lines += ["", *textwrap.wrap(f"not shown at this width: {', '.join(left_out)}", width)]
-        lines += textwrap.wrap(
-            "a wider terminal, or a pipe (… | less -S), shows all columns", width
-        )
+        lines += ["", *wrapped(f"not shown at this width: {', '.join(left_out)}", width)]
+        lines += wrapped("a wider terminal, or a pipe (… | less -S), shows all columns", width)
     return "\n".join(lines) + "\n"
+
+
+def wrapped(text: str, width: int, indent: str = "") -> list[str]:
+    """Return text in lines of at most `width`, those after the first indented.
+
+    A value stays with its unit.
+    """
+    lines = textwrap.wrap(unparted(text), width, subsequent_indent=indent)
+    return [line.replace(NO_BREAK, " ") for line in lines]
 
 
 def _folded(row: Sequence[str], widths: Mapping[int, int], numeric: Collection[int]) -> list[str]:
     """Return the lines of one row, each cell folded to the width of its column."""
-    cells = {k: textwrap.wrap(row[k], width) or [""] for k, width in widths.items()}
+    cells = {k: wrapped(row[k], width) or [""] for k, width in widths.items()}
     lines = zip_longest(*cells.values(), fillvalue="")
     return [_line(dict(zip(cells, line, strict=True)), widths, numeric) for line in lines]
 
@@ -90,5 +99,5 @@ def _line(
 
 
 def _longest_word(cells: Sequence[str]) -> int:
-    longest = max((len(word) for cell in cells for word in cell.split()), default=0)
+    longest = max((len(word) for cell in cells for word in unparted(cell).split(" ")), default=0)
     return min(longest, _LONGEST_WORD)

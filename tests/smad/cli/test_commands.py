@@ -595,6 +595,17 @@ def test_an_effect_that_is_written_wrongly_is_refused_with_its_reason(
     assert "has no parameter" in failed(capfd, "sim", "--effect", "rtd_lag:q=1")
 
 
+def test_progress_shows_a_long_step_that_was_said_at_the_beginning(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    now = 0.0
+    line = Progress(lambda: now)
+    line.say("admission")
+    now = 2.0
+    line.say_again()
+    assert capfd.readouterr().err == "admission\n"
+
+
 def test_progress_that_says_nothing_new_is_told_once(capfd: pytest.CaptureFixture[str]) -> None:
     now = 0.0
     line = Progress(lambda: now)

@@ -28,6 +28,18 @@ def test_no_line_of_a_table_is_wider_than_the_terminal_and_nothing_is_cut(width:
     assert "1.25" in shown
 
 
+@pytest.mark.parametrize("width", range(20, 32))
+def test_a_value_stays_with_its_unit_at_the_end_of_a_line(width: int) -> None:
+    text = "rtd_lag, tau_s = 0.600 ± 0.004 s, probability 1.00; torque 12 N m, 3 min later"
+    for lines in (
+        tables.fitted(("rival",), [(text,)], (), width).splitlines()[2:],
+        folded(text, width + len(labelled("", ""))).splitlines(),
+    ):
+        assert " ".join(map(str.strip, lines)) == text
+        for value in ("0.600 ± 0.004 s", "12 N m", "3 min"):
+            assert any(value in line for line in lines)
+
+
 def test_columns_that_do_not_fit_are_left_out_and_named() -> None:
     header = ("file", "name", "source", "started", "rows", "size", "")
     row = ("20261125-212958-step-of-5-mm.mcap", "step", "sim", "2026-11-25 21:29:58", "1970",

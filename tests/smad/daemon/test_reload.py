@@ -2,13 +2,21 @@
 
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 import zmq
 
 from smad.client.endpoints import write_anew
-from smad.config import Config, DaemonConfig, LinkConfig, TcpConfig, parse_config
+from smad.config import (
+    Config,
+    DaemonConfig,
+    LinkConfig,
+    TcpConfig,
+    load_config,
+    parse_config,
+)
 from smad.config.curve_key import is_curve_key
 from smad.daemon.command.auth import KeyAuthenticator, server_keys
 from smad.daemon.command.reload import reread_keys
@@ -52,6 +60,13 @@ def test_what_cannot_be_used_leaves_the_list_as_it_was(
     authenticator = KeyAuthenticator((FIRST,))
     assert words in reread_keys(config(FIRST), authenticator, reread)
     assert authenticator.knows(FIRST)
+
+
+def test_a_pipe_as_configuration_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(path := tmp_path / "smad.toml")
+    said = reread_keys(config(FIRST), None, partial(load_config, path, again=True))
+    assert "stays as it was" in said
+    assert "it is not a file" in said
 
 
 def test_without_tcp_there_is_no_list_to_change() -> None:

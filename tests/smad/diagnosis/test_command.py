@@ -18,6 +18,7 @@ from smad.diagnosis.spring_pair.catalogue import CATALOGUE
 from smad.diagnosis.spring_pair.recorded import recorded
 from smad.diagnosis.verdict import Verdict
 from smad.errors import SmadError
+from smad.units import unparted
 
 DIAGNOSED = "smad.diagnosis.spring_pair.files.diagnose_files"
 
@@ -224,7 +225,7 @@ def test_diagnose_says_the_answer_and_writes_verdict_page_and_model(
     assert f"{verdict.whole.raw:.3g}" in said.stdout
     assert f"smad gap verify NEW-RUNS --model {folder / 'all.toml'}" in said.stdout
     assert "write the better model" not in said.stdout
-    answer, gap = verdict.headline[1:].split("; ")
+    answer, gap = unparted(verdict.headline)[1:].split("; ")
     page = (folder / "v.html").read_text()
     assert answer in page
     assert gap[1:] in page

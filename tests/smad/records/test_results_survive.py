@@ -43,7 +43,7 @@ def test_a_refused_diagnosis_has_a_status_of_its_own_and_writes_its_files(
     found = verdict(tmp_path)
     assert found.outcome == REFUSED
     assert [f.kind for f in found.findings if f.refuses] == ["too short"]
-    assert "at least 8 s are needed" in (tmp_path / "v.html").read_text()
+    assert "at least 8\u00a0s are needed" in (tmp_path / "v.html").read_text()
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,8 @@ from smad.units import parted_name, units_for
         ("leak_L_min_bar", "leak", "L/(min bar)"), ("flow_L_min", "flow", "L/min"),
         ("gain_mm_V", "gain", "mm/V"), ("damping_N_s_mm", "damping", "N s/mm"),
         ("arm_m_kg", "arm_m", "kg"), ("rod_L_m", "rod_L", "m"), ("power_in_W", "power_in", "W"),
-        ("flow_in", "flow_in", ""), ("angle_rad_rate", "angle_rate", "rad/s"),
+        ("flow_in", "flow_in", ""), ("yaw_psi", "yaw_psi", ""), ("angle_rad_rate", "angle_rate", "rad/s"),
+        ("supply [PSI]", "supply", "psi"), ("air_hPa", "air", "mbar"),
     ],
 )  # fmt: skip
 def test_a_name_ends_with_a_unit_or_a_compound_of_units(
@@ -34,6 +35,7 @@ def test_a_name_ends_with_a_unit_or_a_compound_of_units(
         ("L/s", "m³/s", 1e-3), ("L/(min bar)", "m3/(s Pa)", 1e-5 / 60000.0),
         ("degC/min", "K/s", 1.0 / 60.0), ("rpm", "rad/s", np.pi / 30.0), ("kJ/kg", "J/kg", 1e3),
         ("N mm", "N m", 1e-3), ("g/cm3", "kg/m3", 1e3), ("degF", "degC", None),
+        ("psi", "bar", 0.06894757293), ("mbar", "Pa", 100.0),
     ],
 )  # fmt: skip
 def test_a_quotient_or_product_of_known_units_is_converted(

@@ -50,6 +50,13 @@ def test_everything_but_figures_is_escaped() -> None:
     assert render(page).count("&lt;script&gt;") == 7
 
 
+def test_a_value_on_a_page_stays_with_its_unit_and_a_command_as_it_is_typed() -> None:
+    page = render(Page("tau_s = 0.6 ± 0.1 s", [Section("", [Text("5 mm"), Code("move 5 mm")])]))
+    assert page.count("0.6\u00a0±\u00a00.1\u00a0s") == 2
+    assert "5\u00a0mm" in page
+    assert "move 5 mm" in page
+
+
 def test_a_figure_is_svg_with_text_and_without_anything_from_outside() -> None:
     svg = figure_svg()
     assert svg.startswith("<svg")

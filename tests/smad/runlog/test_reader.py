@@ -189,6 +189,14 @@ def test_a_file_that_is_no_log_is_refused_in_one_line(tmp_path: Path, content: b
     assert len(str(caught.value).splitlines()) == 1
 
 
+def test_a_log_that_was_copied_as_text_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    write_small_run(path)
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    with pytest.raises(RunLogError, match="copy it again in binary mode"):
+        read_run(path)
+
+
 def test_an_mcap_file_of_another_program_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "other.mcap"
     with path.open("wb") as file:

@@ -579,7 +579,7 @@ def test_each_window_begins_from_the_readings_there() -> None:
     np.testing.assert_allclose(shown[at], run.outputs["angle_rad"][at], atol=3e-3)
     states = bound.plant.trajectory(ModelPoint({}), run)
     assert np.abs(states["angle_rad_rate"][at]).max() < 10.0
-    pushed = replace(run, inputs={n: c + 0.1 for n, c in run.inputs.items()})
+    pushed = run.with_columns(inputs={n: c + 0.1 for n, c in run.inputs.items()})
     assert plant.windows(pushed) is plant.windows(run)
 
 
