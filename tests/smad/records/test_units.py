@@ -18,7 +18,8 @@ from smad.units import parted_name, units_for
         ("leak_L_min_bar", "leak", "L/(min bar)"), ("flow_L_min", "flow", "L/min"),
         ("gain_mm_V", "gain", "mm/V"), ("damping_N_s_mm", "damping", "N s/mm"),
         ("arm_m_kg", "arm_m", "kg"), ("rod_L_m", "rod_L", "m"), ("power_in_W", "power_in", "W"),
-        ("flow_in", "flow_in", ""), ("yaw_psi", "yaw_psi", ""), ("angle_rad_rate", "angle_rate", "rad/s"),
+        ("flow_in", "flow_in", ""), ("yaw_psi", "yaw_psi", ""),
+        ("angle_rad_rate", "angle_rate", "rad/s"),
         ("supply [PSI]", "supply", "psi"), ("air_hPa", "air", "mbar"),
     ],
 )  # fmt: skip
