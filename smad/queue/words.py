@@ -9,7 +9,7 @@ def state_in_words(snapshot: Snapshot, *, runner: bool) -> str:
     """Return what the queue does now, in one line."""
     without = "" if runner else "; no runner is running: start one with smad queue run"
     if snapshot.arming is None:
-        return f"paused: {snapshot.reason}{without}"
+        return f"paused: {snapshot.reason}; smad queue resume arms it{without}"
     return f"running until {limits_in_words(snapshot.arming)}{without}"
 
 

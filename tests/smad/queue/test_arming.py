@@ -12,6 +12,7 @@ from smad.queue import budget as metering
 from smad.queue.errors import ArmingError
 from smad.queue.states import Budget, Item, Snapshot, State
 from smad.queue.store import Proposal
+from smad.queue.words import state_in_words
 
 BERLIN = ZoneInfo("Europe/Berlin")
 QUEUE = Snapshot(
@@ -137,3 +138,8 @@ def test_states_that_are_not_queued_are_not_armed() -> None:
         budget=Budget(),
         generation=None,
     ).arming.items == (1, 2)
+
+
+def test_a_paused_queue_says_why_and_how_it_is_armed() -> None:
+    said = state_in_words(Snapshot(), runner=True)
+    assert said == "paused: nobody has armed it yet; smad queue resume arms it"
