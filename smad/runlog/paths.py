@@ -11,7 +11,17 @@ from smad.errors import RunLogError
 SUFFIX = ".mcap"
 UNNAMED = "run"
 """What a run is called that was given no name."""
-_BESIDE = (".header.json", ".html", ".json", ".toml")
+_BESIDE = (
+    ".header.json",
+    ".html",
+    ".json",
+    ".toml",
+    "health.jsonl",
+    "queue.lock",
+    "queue.sqlite",
+    "queue.sqlite-shm",
+    "queue.sqlite-wal",
+)
 """What smad itself writes beside runs."""
 _NAMED = 8
 _LONGEST_NAME = 60
