@@ -24,8 +24,6 @@ _TRUTHS = {
     "none": NONE, "room": NONE, "preload": NONE, "drift": NONE, "parameters": MOVED,
     "single": LISTED, "pair": LISTED, "triple": LISTED, "unknown": UNLISTED,
 }  # fmt: skip
-_PARTS = 6
-"""Parts of a recovery bank that are left out in turn."""
 
 
 class _Form(msgspec.Struct):
@@ -43,24 +41,25 @@ def cases_of(path: Path, keys: Sequence[Path]) -> list[CaseRivals]:
         form = msgspec.json.decode(data, type=_Form).format
         if form == "smad-recovery-1":
             answers = msgspec.json.decode(data, type=RecoveryFile).answers
-            return _of_recovery(path, list(answers.values()))
+            return _of_recovery(list(answers.values()))
         return _of_bank(path, msgspec.json.decode(data, type=VerdictFile), keys)
     except (OSError, msgspec.MsgspecError) as error:
         raise BankError(f"{path} is no file of `recover` or `check` ({error}): give one") from None
 
 
-def _of_recovery(path: Path, answers: Sequence[Answer]) -> list[CaseRivals]:
+def _of_recovery(answers: Sequence[Answer]) -> list[CaseRivals]:
     plant = SmaPlant()
     places = {e.name: e.places for e in plant.effects}
     out = []
-    for k, answer in enumerate(sorted(answers, key=lambda a: a.case.name)):
+    for answer in answers:
         case, verdict = answer.case, answer.verdict
         if verdict is None or not verdict.first_step:
             continue
         out.append(
             CaseRivals(
                 case=case.name,
-                fold=f"{path.stem} part {k % _PARTS}",
+                # An effect at another strength, or in another question, is no other case.
+                fold=f"own simulator {min(case.effects, default=case.name)}",
                 question=case.question,
                 exact=True,
                 truth=_TRUTHS[case.kind],

@@ -35,6 +35,7 @@ from smad.view.terminal.tables import print_table
 TITLE = "Constants by development banks, benches left out"
 SCORES, PLACES, NAMES = "Scores", "Probability of the likeliest place", "Probability of the name"
 """Headings of the kept tables; the last two are shown in docs/trust.md."""
+LEFT_OUT = "each bench, or effect of our simulator, by constants from the others"
 
 
 def calibrate(
@@ -56,7 +57,7 @@ def calibrate(
         left_out += [(x.said(constants), constants) for x in part]
     for title, scored in (
         ("as shipped", [(x.said(before), before) for x in cases]),
-        ("each bench by constants from the others", left_out),
+        (LEFT_OUT, left_out),
         ("by all of them, on themselves", [(x.said(after), after) for x in cases]),
     ):
         print(title)
@@ -84,7 +85,7 @@ def calibrate(
             tables,
             title=TITLE,
             command="python -m evaluation calibrate",
-            note=f"{words}; each bench by constants from the others.",
+            note=f"{words}; {LEFT_OUT}.",
         )
     if out is not None:
         out.write_text(toml(after, words))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from evaluation.calibrate.banks import cases_of
-from evaluation.calibrate.command import calibrate
+from evaluation.calibrate.command import LEFT_OUT, calibrate
 from evaluation.calibrate.fitting import fitted, whether, which
 from evaluation.calibrate.rivals import LISTED, MOVED, NONE, UNLISTED, CaseRivals, showing
 from evaluation.errors import BankError
@@ -143,6 +143,12 @@ def recovery(folder: Path) -> Path:
     return path
 
 
+def test_an_effect_of_our_simulator_is_left_out_whole(tmp_path: Path) -> None:
+    read = cases_of(recovery(tmp_path), [])
+    assert len({x.fold for x in read if x.truth == LISTED}) == 1
+    assert len({x.fold for x in read if x.truth == NONE}) == 4
+
+
 def bank(folder: Path, name: str = "dev") -> tuple[Path, Path]:
     """A file of `check` with its key."""
     of = {NONE: "none", MOVED: "parameters", LISTED: "single", UNLISTED: "unknown"}
@@ -176,7 +182,7 @@ def test_banks_of_both_kinds_become_a_file_of_constants_and_a_diagram(
     made = calibrate([recovery(tmp_path), verdicts], [key], out=out, result=result)
     assert msgspec.toml.decode(out.read_bytes(), type=Constants) == made
     assert "28 cases of recovery, v" in out.read_text()
-    assert "each bench by constants from the others" in capsys.readouterr().out
+    assert LEFT_OUT in capsys.readouterr().out
     kept = msgspec.json.decode(result.read_bytes(), type=Result)
     assert [r[0] for r in kept.tables["Scores"].rows][:2] == [
         "quiet benches called changed", "parameters reported as such",
