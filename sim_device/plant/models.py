@@ -127,8 +127,10 @@ def read_model(path: str | Path) -> Model:
     path = Path(path)
     raw = _decode(path)
     if raw.get("format") != FORMAT:
+        named = raw.get("format")
+        written = "what has no format" if named is None else f"format {named!r}"
         raise ModelError(
-            f"{path.name}: format {raw.get('format')!r} is not {FORMAT!r}; "
+            f"{path.name}: {written} is not {FORMAT!r}; "
             "smad gap diagnose --apply writes one, and smad gap apply makes one of a verdict"
         )
     unknown = sorted(set(raw) - _KEYS)
