@@ -80,7 +80,7 @@ class ChipTwins(Twins):
 
     def power_up(self, cause: ResetCause = ResetCause.POWER_ON) -> None:
         """Reset both boards, up to the chip's first sample."""
-        kept = self._kept(cause)
+        before = self._before_reset(cause)
         if self._boots:
             self._image = self.python.image
             self.c.close()
@@ -91,7 +91,7 @@ class ChipTwins(Twins):
         self._origin = self._codes.encoder
         codes = replace(self._codes, encoder=0)
         self.c = FirmwareBoard(
-            self._program, self._path, hardware=Hardware(), cause=cause, kept=kept[1]
+            self._program, self._path, hardware=Hardware(), cause=cause, noinit=before[1]
         )
         born_us = sampled_us = 0
         while self.c.line.state is None:
@@ -112,7 +112,7 @@ class ChipTwins(Twins):
             seed=self._seed,
             boot_count=self._boots,
             cause=cause,
-            kept=kept[0],
+            latched=before[0],
             image=self._image,
             hardware=self.fed,  # type: ignore[arg-type]
             now_us=born_us,

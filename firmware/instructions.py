@@ -94,7 +94,7 @@ def _counted(host: Sequence[Outputs], chip: Sequence[Outputs]) -> list[Counted]:
             for ear, out in zip(ears, (host_value, chip_value), strict=True)
         ]
         pins = [
-            (out.t_us, out.current_mA, out.pump, out.gate, out.drain, out.kept)
+            (out.t_us, out.current_mA, out.pump, out.gate, out.drain, out.noinit)
             for out in (host_value, chip_value)
         ]
         if lines[0] != lines[1] or pins[0] != pins[1]:

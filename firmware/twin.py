@@ -117,7 +117,7 @@ class Twins:
 
     def power_up(self, cause: ResetCause = ResetCause.POWER_ON) -> None:
         """Reset both boards."""
-        kept = self._kept(cause)
+        before = self._before_reset(cause)
         if self._boots:
             self._image = self.python.image
             self.c.close()
@@ -130,19 +130,19 @@ class Twins:
             seed=self._seed,
             boot_count=self._boots,
             cause=cause,
-            kept=kept[0],
+            latched=before[0],
             image=self._image,
             hardware=self.fed,  # type: ignore[arg-type]
         )
         self.c = FirmwareBoard(
-            self._program, self._path, hardware=Hardware(), cause=cause, kept=kept[1]
+            self._program, self._path, hardware=Hardware(), cause=cause, noinit=before[1]
         )
         self.ears = (Ear(), Ear())
         self._listen()
 
-    def _kept(self, cause: ResetCause) -> tuple[tuple[Event, ...], tuple[int, ...]]:
+    def _before_reset(self, cause: ResetCause) -> tuple[tuple[Event, ...], tuple[int, ...]]:
         """What both boards keep over a reset."""
-        return ((), ()) if cause is ResetCause.POWER_ON else (self.python.kept, self.c.kept)
+        return ((), ()) if cause is ResetCause.POWER_ON else (self.python.latched, self.c.noinit)
 
     def close(self) -> None:
         """End the firmware's process."""

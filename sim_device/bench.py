@@ -267,7 +267,7 @@ class SimulatedBench:
             image=self._image,
             boot_count=self._boots,
             cause=cause,
-            kept=() if cause is ResetCause.POWER_ON else self.board.kept,
+            latched=() if cause is ResetCause.POWER_ON else self.board.latched,
             now_us=start_us,
             hardware=self.hardware,
             **self.make,

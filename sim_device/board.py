@@ -99,8 +99,8 @@ class Board:
     """One board, from power-up to power-down. Power-cycling makes a new one.
 
     `image` is what the parameter memory holds (None: empty). If its checksum is wrong, the
-    compiled limits are used and the board goes to FAULT. `kept`: of the board before this
-    reset. `supervisor` decides (None: see `fastest_supervisor`).
+    compiled limits are used and the board goes to FAULT. `latched` is that of the board before
+    this reset: its first fault and ESTOP. `supervisor` decides (None: see `fastest_supervisor`).
     """
 
     capabilities: ClassVar[Mapping[str, int]] = CAPABILITIES
@@ -118,7 +118,7 @@ class Board:
         image: bytes | None = None,
         boot_count: int = 1,
         cause: ResetCause = ResetCause.POWER_ON,
-        kept: Sequence[Event] = (),
+        latched: Sequence[Event] = (),
         now_us: int = 0,
         hardware: Hardware | None = None,
         supervisor: Supervisor | None = None,
@@ -177,7 +177,7 @@ class Board:
         self._stats_due_us = now_us + STATS_EVERY_US
         self._reported = 0
         self.apply_parameters()
-        for event in kept:
+        for event in latched:
             self.supervisor.event(event, now_us)
         self.session.boot(now_us)
 
@@ -197,7 +197,7 @@ class Board:
         return _STATES[self.outputs.state]
 
     @property
-    def kept(self) -> tuple[Event, ...]:
+    def latched(self) -> tuple[Event, ...]:
         """What outlives a reset: the latched fault and ESTOP."""
         first = self.supervisor.first_fault
         if first is None or not self.outputs.latched:

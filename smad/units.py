@@ -22,8 +22,8 @@ SPELLINGS: Mapping[str, str] = {
 
 
 _WORDS = ("in", "h", "min", "g", "psi", "1")
-"""Units of the table that are words as well: a name that ends so, "flow_in", may mean these; ψ is
-an angle of yaw."""
+"""Units of the table that are words as well: a name that ends so, "flow_in", may mean these;
+psi is the angle of yaw in "yaw_psi"."""
 _ABBREVIATED: dict[str, str] = {
     "Nm": "N m", "J_K": "J/K", "W_K": "W/K", "K_W": "K/W", "W_m2K": "W/(m² K)",
     "N_m_A": "N m/A", "N_m_s": "N m s", "N_m_s_rad": "N m s/rad", "N_m_rad": "N m/rad",

@@ -31,9 +31,9 @@ def written(source: Path) -> str:
     chooser = subset.Subsetter(options)
     chooser.populate(text=LETTERS)
     chooser.subset(font)
+    letters = {chr(c): name for c, name in font.getBestCmap().items()}
+    # Text of the PDF is glyph numbers: it needs no table of letters.
     for table in ("GDEF", "GPOS", "GSUB", "DSIG", "cmap", "post", "OS/2"):
-        if table == "cmap":
-            letters = {chr(c): name for c, name in font.getBestCmap().items()}
         if table in font:
             del font[table]
     for record in list(font["name"].names):

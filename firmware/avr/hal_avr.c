@@ -19,7 +19,7 @@
 const char hal_name[] = "smad-mega 1.0";
 
 static uint8_t reset_cause __attribute__((section(".noinit")));
-volatile uint32_t hal_kept[HAL_KEPT] __attribute__((section(".noinit")));
+volatile uint32_t hal_noinit[HAL_NOINIT] __attribute__((section(".noinit")));
 
 /* Before anything else: after a watchdog reset the watchdog stays armed at its shortest time. */
 void early(void) __attribute__((naked, used, section(".init3")));

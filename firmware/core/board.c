@@ -16,7 +16,7 @@
 #define LINK_PARAMETERS 4
 #define LINK_CLOCK 8
 #define STAGE_FIELD 6u /* of SETPOINT */
-#define KEPT_ESTOP 0x10000u
+#define LATCHED_ESTOP 0x10000u
 #define PARAM_CRC_BIT (1ul << (SMAD_FAULT_PARAM_CRC - 1))
 
 static struct smad_sv_memory sv;
@@ -91,51 +91,51 @@ static void report_fault_with(const struct smad_state *state)
     fault_reported = sv.latched != 0;
 }
 
-/* The first fault (channel from bit 8, ESTOP at bit 16), value, limit and check: for a reset. */
-static uint32_t check_of_kept(void)
+/* Of hal_noinit: first fault (channel from bit 8, ESTOP at bit 16), value, limit, and this check. */
+static uint32_t check_of_latched(void)
 {
-    return ~(hal_kept[0] + hal_kept[1] + hal_kept[2]);
+    return ~(hal_noinit[0] + hal_noinit[1] + hal_noinit[2]);
 }
 
-static void keep(void)
+static void save_latched(void)
 {
     uint32_t first = 0;
     if (sv.latched) {
         first = sv.first_fault | (uint32_t)sv.first_channel << 8;
-        first |= sv.state == SMAD_BOARD_STATE_ESTOP ? KEPT_ESTOP : 0;
+        first |= sv.state == SMAD_BOARD_STATE_ESTOP ? LATCHED_ESTOP : 0;
     }
-    if (hal_kept[0] != first) {
-        hal_kept[0] = first;
-        hal_kept[1] = (uint32_t)sv.first_value;
-        hal_kept[2] = (uint32_t)sv.first_limit;
-        hal_kept[3] = check_of_kept();
+    if (hal_noinit[0] != first) {
+        hal_noinit[0] = first;
+        hal_noinit[1] = (uint32_t)sv.first_value;
+        hal_noinit[2] = (uint32_t)sv.first_limit;
+        hal_noinit[3] = check_of_latched();
     }
 }
 
 /* RAM may outlive a short time without power: then nothing is taken over. */
-static void take_over(void)
+static void restore_latched(void)
 {
     struct smad_sv_command command;
-    uint32_t first = hal_kept[0];
-    if (first != 0 && hal_kept[3] == check_of_kept()
+    uint32_t first = hal_noinit[0];
+    if (first != 0 && hal_noinit[3] == check_of_latched()
         && hal_reset_cause() != SMAD_RESET_CAUSE_POWER_ON) {
         memset(&command, 0, sizeof command);
         command.fault = (uint8_t)first;
         sv.channel = (uint8_t)(first >> 8);
-        sv.value = (int32_t)hal_kept[1];
-        sv.limit = (int32_t)hal_kept[2];
+        sv.value = (int32_t)hal_noinit[1];
+        sv.limit = (int32_t)hal_noinit[2];
         smad_sv_on_restart(&sv, &command);
-        if ((first & KEPT_ESTOP) != 0) {
+        if ((first & LATCHED_ESTOP) != 0) {
             smad_sv_on_estop(&sv, &limits);
         }
     }
-    keep();
+    save_latched();
 }
 
 static void report_fault(void)
 {
     struct smad_state state;
-    keep();
+    save_latched();
     if (!sv.started) {
         return; /* the first sample reports it, with its readings */
     }
@@ -178,7 +178,7 @@ static void take_sample(uint32_t t_us)
     }
     smad_sv_sample(&sv, &now.measured, &limits, at_us);
     apply();
-    keep();
+    save_latched();
     hal_watchdog_kick();
     watch_loop(dt_us);
     sample_tell(&now, &sv, &state);
@@ -437,7 +437,7 @@ void board_start(void)
     token_state = params_count_boot();
     session_boot(token_state, hal_reset_cause(), now_us);
     apply_parameters();
-    take_over();
+    restore_latched();
 }
 
 void board_poll(void)

@@ -115,8 +115,8 @@ void hal_watchdog_kick(void);
 uint8_t hal_reset_cause(void);
 
 /* Memory that a reset leaves as it is. After power-up it may hold anything. */
-#define HAL_KEPT 4u
-extern volatile uint32_t hal_kept[HAL_KEPT];
+#define HAL_NOINIT 4u
+extern volatile uint32_t hal_noinit[HAL_NOINIT];
 
 /* Unique number of the chip. */
 void hal_uid(uint8_t uid[12]);

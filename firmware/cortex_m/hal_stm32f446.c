@@ -374,7 +374,7 @@ void hal_watchdog_kick(void)
 }
 
 static uint32_t reset_flags;
-volatile uint32_t hal_kept[HAL_KEPT] __attribute__((section(".noinit")));
+volatile uint32_t hal_noinit[HAL_NOINIT] __attribute__((section(".noinit")));
 
 uint8_t hal_reset_cause(void)
 {

@@ -1,7 +1,7 @@
 /* The core as a Linux process: on virtual time, in lockstep with a plant (sim/link.h), or by itself
  * in real time behind a pseudo-terminal (realtime.c).
  *
- *   smad-firmware-host --link FD --store FILE [--time US] [--cause N] [--resets N] [--kept N,N,N,N]
+ *   smad-firmware-host --link FD --store FILE [--time US] [--cause N] [--resets N] [--noinit N,N,N,N]
  *   smad-firmware-host --pty NAME --store FILE [--cause N]
  *
  * FD is one end of a SOCK_SEQPACKET pair. Power-up takes no time; after that time passes only as
@@ -42,7 +42,7 @@ static struct {
     uint16_t resets;
 } run;
 
-volatile uint32_t hal_kept[HAL_KEPT];
+volatile uint32_t hal_noinit[HAL_NOINIT];
 static uint8_t store[HAL_STORE_SIZE];
 static uint64_t store_ready_us;
 
@@ -94,23 +94,23 @@ static void die(const char *what)
     exit(1);
 }
 
-/* The reset of a watchdog: nothing survives but the store, hal_kept and the rest of the step. */
+/* The reset of a watchdog: nothing survives but the store, hal_noinit and the rest of the step. */
 static void restart(void)
 {
     char link[16];
     char resets[16];
     char cause[16];
-    char kept[48];
+    char noinit[48];
     (void)snprintf(link, sizeof link, "%d", run.link);
     (void)snprintf(resets, sizeof resets, "%u", run.resets + 1u);
     (void)snprintf(cause, sizeof cause, "%u", (unsigned)SMAD_RESET_CAUSE_WATCHDOG);
-    (void)snprintf(kept, sizeof kept, "%u,%u,%u,%u", hal_kept[0], hal_kept[1], hal_kept[2],
-                   hal_kept[3]);
+    (void)snprintf(noinit, sizeof noinit, "%u,%u,%u,%u", hal_noinit[0], hal_noinit[1], hal_noinit[2],
+                   hal_noinit[3]);
     (void)fflush(NULL);
     close(run.store_fd);
     /* The plant still waits for the answer to this step: the program begins by giving it. */
     execl("/proc/self/exe", run.program, "--link", link, "--store", run.store_name, "--resets",
-          resets, "--cause", cause, "--owes-answer", "1", "--kept", kept, (char *)NULL);
+          resets, "--cause", cause, "--owes-answer", "1", "--noinit", noinit, (char *)NULL);
     die("cannot restart");
 }
 
@@ -118,8 +118,8 @@ static void answer(void)
 {
     out.head.t_us = now_us;
     out.head.resets = run.resets;
-    for (uint8_t k = 0; k < HAL_KEPT; k++) {
-        out.head.kept[k] = hal_kept[k];
+    for (uint8_t k = 0; k < HAL_NOINIT; k++) {
+        out.head.noinit[k] = hal_noinit[k];
     }
     if (run.pty != NULL) {
         return; /* the next step writes it */
@@ -383,9 +383,9 @@ int main(int count, char **arguments)
             run.cause = (uint8_t)atoi(value);
         } else if (strcmp(name, "--resets") == 0) {
             run.resets = (uint16_t)atoi(value);
-        } else if (strcmp(name, "--kept") == 0) {
-            (void)sscanf(value, "%u,%u,%u,%u", (unsigned *)&hal_kept[0], (unsigned *)&hal_kept[1],
-                         (unsigned *)&hal_kept[2], (unsigned *)&hal_kept[3]);
+        } else if (strcmp(name, "--noinit") == 0) {
+            (void)sscanf(value, "%u,%u,%u,%u", (unsigned *)&hal_noinit[0], (unsigned *)&hal_noinit[1],
+                         (unsigned *)&hal_noinit[2], (unsigned *)&hal_noinit[3]);
         } else if (strcmp(name, "--owes-answer") == 0) {
             owes = true;
         }

@@ -225,8 +225,8 @@ int __wrap_main(void)
         run_step();
         out.head.watched[0] = instructions_since(before);
         out.head.t_us = now_us;
-        for (uint8_t k = 0; k < HAL_KEPT; k++) {
-            out.head.kept[k] = hal_kept[k];
+        for (uint8_t k = 0; k < HAL_NOINIT; k++) {
+            out.head.noinit[k] = hal_noinit[k];
         }
         out.head.pump[0] = (uint8_t)TIM_CCR1(TIM3);
         out.head.pump[1] = (uint8_t)TIM_CCR2(TIM3);

@@ -12,7 +12,7 @@
 
 #define LINK_BYTES 4096u
 #define LINK_WATCHED 4u
-#define LINK_KEPT 4u
+#define LINK_NOINIT 4u
 
 struct link_in {
     uint32_t dt_us;
@@ -37,7 +37,7 @@ struct link_out {
     uint16_t size;
     uint32_t sample_cycles; /* of an emulated chip: the longest sample that ended in this step */
     uint32_t watched[LINK_WATCHED]; /* of an emulated chip: its memory where --watch says */
-    uint32_t kept[LINK_KEPT]; /* what outlives a reset: hal_kept */
+    uint32_t noinit[LINK_NOINIT]; /* what outlives a reset: hal_noinit */
 };
 
 /* A whole message each way. */

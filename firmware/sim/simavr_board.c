@@ -1,6 +1,6 @@
 /* An Arduino Mega with the parts of the wiring page around it, on libsimavr, behind sim/link.h.
  *
- *   smad-simavr --elf FILE --link FD --store FILE [--cause N] [--kept N,N,N,N] [--watch ADDRESS] ...
+ *   smad-simavr --elf FILE --link FD --store FILE [--cause N] [--noinit N,N,N,N] [--watch ADDRESS] ...
  *
  * This program is linked with libsimavr, which is under the GNU General Public License, version 3;
  * so is this program as a whole. It is a tool of the tests and the simulated bench. Nothing of it
@@ -59,7 +59,7 @@ static avr_flashaddr_t hung_at;
 static uint8_t hung_word[2];
 static uint16_t resets;
 static uint16_t watch_at[LINK_WATCHED];
-static uint16_t kept_at;
+static uint16_t noinit_at;
 static uint8_t watches;
 static int store_fd;
 static uint8_t stored[STORE_SIZE];
@@ -249,7 +249,7 @@ static void answer(int link)
     for (uint8_t k = 0; k < watches; k++) {
         memcpy(&out.head.watched[k], avr->data + watch_at[k], sizeof out.head.watched[k]);
     }
-    memcpy(out.head.kept, avr->data + kept_at, sizeof out.head.kept);
+    memcpy(out.head.noinit, avr->data + noinit_at, sizeof out.head.noinit);
     save_store();
     if (send(link, &out, sizeof out.head + out.head.size, 0) < 0) {
         exit(errno == EPIPE ? 0 : 1);
@@ -320,14 +320,14 @@ static void set_cause(int cause)
 }
 
 /* What the chip's own memory keeps of the time before this reset. */
-static void set_kept(const elf_firmware_t *image, const char *words)
+static void set_noinit(const elf_firmware_t *image, const char *words)
 {
-    uint32_t kept[LINK_KEPT] = {0};
-    (void)sscanf(words, "%u,%u,%u,%u", &kept[0], &kept[1], &kept[2], &kept[3]);
+    uint32_t noinit[LINK_NOINIT] = {0};
+    (void)sscanf(words, "%u,%u,%u,%u", &noinit[0], &noinit[1], &noinit[2], &noinit[3]);
     for (uint32_t i = 0; i < image->symbolcount; i++) {
-        if (strcmp(image->symbol[i]->symbol, "hal_kept") == 0) {
-            kept_at = (uint16_t)image->symbol[i]->addr;
-            memcpy(avr->data + kept_at, kept, sizeof kept);
+        if (strcmp(image->symbol[i]->symbol, "hal_noinit") == 0) {
+            noinit_at = (uint16_t)image->symbol[i]->addr;
+            memcpy(avr->data + noinit_at, noinit, sizeof noinit);
         }
     }
 }
@@ -339,7 +339,7 @@ int main(int count, char **arguments)
     const char *store = NULL;
     int link = -1;
     int cause = 1;
-    const char *kept = "";
+    const char *noinit = "";
     for (int i = 1; i + 1 < count; i += 2) {
         if (strcmp(arguments[i], "--elf") == 0) {
             elf = arguments[i + 1];
@@ -349,8 +349,8 @@ int main(int count, char **arguments)
             link = atoi(arguments[i + 1]);
         } else if (strcmp(arguments[i], "--cause") == 0) {
             cause = atoi(arguments[i + 1]);
-        } else if (strcmp(arguments[i], "--kept") == 0) {
-            kept = arguments[i + 1];
+        } else if (strcmp(arguments[i], "--noinit") == 0) {
+            noinit = arguments[i + 1];
         } else if (strcmp(arguments[i], "--watch") == 0 && watches < LINK_WATCHED) {
             watch_at[watches++] = (uint16_t)strtoul(arguments[i + 1], NULL, 0);
         }
@@ -382,7 +382,7 @@ int main(int count, char **arguments)
     load_store(store);
     on_reset(NULL);
     set_cause(cause);
-    set_kept(&image, kept);
+    set_noinit(&image, noinit);
     after_reset();
     serve(link);
     return 0;

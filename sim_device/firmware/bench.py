@@ -88,7 +88,7 @@ class FirmwareBench(SimulatedBench):
             names = ", ".join(self.make)
             raise FaultSpecError(f"another {names} needs the Python board; take --firmware python")
         board = getattr(self, "board", None)
-        kept = () if cause is ResetCause.POWER_ON else self.board.kept
+        noinit = () if cause is ResetCause.POWER_ON else self.board.noinit
         if board is not None:
             board.close()
         return self.board_type(
@@ -96,7 +96,7 @@ class FirmwareBench(SimulatedBench):
             self._store_path,
             hardware=self.hardware,
             cause=cause,
-            kept=kept,
+            noinit=noinit,
             start_us=start_us,
         )
 

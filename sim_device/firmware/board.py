@@ -69,8 +69,8 @@ def _read(number: int, payload: bytes) -> wire.Message | None:
 class FirmwareBoard:
     """One power-up of the firmware, as a process. `close` ends it.
 
-    program: command line of the port. path: file of its store. kept: of the board before
-    this reset. start_us: chip time at power-up.
+    program: command line of the port. path: file of its store. noinit: what memory held
+    before this reset that a reset leaves as it is. start_us: chip time at power-up.
     Raises LinkError when the process does not come up.
     """
 
@@ -84,7 +84,7 @@ class FirmwareBoard:
         *,
         hardware: Hardware,
         cause: ResetCause = ResetCause.POWER_ON,
-        kept: Sequence[int] = (),
+        noinit: Sequence[int] = (),
         start_us: int = 0,
     ) -> None:
         self.hardware = hardware
@@ -108,7 +108,7 @@ class FirmwareBoard:
         """Cycles that an emulated chip took for its last sample."""
         self.watched: tuple[int, ...] = ()
         """Long words of an emulated chip's memory, where each `--watch` of its program says."""
-        self.kept: tuple[int, ...] = ()
+        self.noinit: tuple[int, ...] = ()
         """What the chip's memory holds for the time after a reset."""
         self._path = path
         self._to_send = bytearray()
@@ -116,7 +116,7 @@ class FirmwareBoard:
         self._end, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._end.settimeout(PATIENCE_S)
         arguments = ["--link", str(theirs.fileno()), "--store", str(path), "--time", str(start_us)]
-        arguments += ["--kept", ",".join(map(str, kept))]
+        arguments += ["--noinit", ",".join(map(str, noinit))]
         try:
             self._process = subprocess.Popen(
                 [*program, *arguments, "--cause", str(int(cause))], pass_fds=[theirs.fileno()]
@@ -231,7 +231,7 @@ class FirmwareBoard:
         self.clock_us = out.t_us
         self.sample_cycles = out.sample_cycles or self.sample_cycles
         self.watched = out.watched
-        self.kept = out.kept
+        self.noinit = out.noinit
         if out.resets != self.resets:
             self.resets = out.resets
             self.now_us = out.t_us

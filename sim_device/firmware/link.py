@@ -30,7 +30,7 @@ class Outputs(NamedTuple):
     resets: int
     sample_cycles: int
     watched: tuple[int, ...]
-    kept: tuple[int, ...]
+    noinit: tuple[int, ...]
     data: bytes
 
 

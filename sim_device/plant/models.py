@@ -128,9 +128,9 @@ def read_model(path: str | Path) -> Model:
     raw = _decode(path)
     if raw.get("format") != FORMAT:
         named = raw.get("format")
-        written = "what has no format" if named is None else f"format {named!r}"
+        wrong = "it has no format" if named is None else f"format {named!r} is not {FORMAT!r}"
         raise ModelError(
-            f"{path.name}: {written} is not {FORMAT!r}; "
+            f"{path.name} is no model file: {wrong}; "
             "smad gap diagnose --apply writes one, and smad gap apply makes one of a verdict"
         )
     unknown = sorted(set(raw) - _KEYS)

@@ -16,7 +16,6 @@ from smad.fmi.errors import FmiError
 from smad.fmi.map_file import Map, read_map
 from smad.fmi.model import UnitModel
 from smad.fmi.unit_file import UnitFile, open_unit
-from smad.progress import Say
 from smad.simulators.asking import diagnose
 from smad.simulators.by_map import tables_by_map
 from smad.simulators.columns import Table, span_of
@@ -28,36 +27,19 @@ _SIGN_OF_RANGE = 0.01
 
 
 def diagnose_unit(
-    fmu: Path,
-    map_path: Path,
-    runs: Any,
-    *,
-    good: Any = (),
-    hold_out: Any = (),
-    trusted: Sequence[str] = (),
-    processes: int | None = None,
-    progress: Say | None = None,
-    announced: Say | None = None,
+    fmu: Path, map_path: Path, runs: Any, *, good: Any = (), hold_out: Any = (), **options: Any
 ) -> Answer:
-    """Where a unit and the runs disagree; as `smad.simulators.diagnose`, in one process unless more
-    are asked for.
+    """Where a unit and the runs disagree, in one process unless more are asked for.
 
-    Raises FmiError for a unit or a map that cannot be used.
+    `options` are others of `smad.simulators.diagnose`, but for windows, which the map has. Raises
+    FmiError for a unit or a map that cannot be used.
     """
     mapped = read_map(map_path)
     declared, groups = declare_unit(open_unit(fmu), mapped, runs, good, hold_out)
     fit, good_runs, held_out = groups
-    return diagnose(
-        fit,
-        declared,
-        good=good_runs,
-        hold_out=held_out,
-        trusted=trusted,
-        window_s=_window_s(mapped),
-        processes=processes or 1,
-        progress=progress,
-        announced=announced,
-    )
+    options["processes"] = options.get("processes") or 1
+    options["window_s"] = _window_s(mapped)
+    return diagnose(fit, declared, good=good_runs, hold_out=held_out, **options)
 
 
 def plan_unit(fmu: Path, map_path: Path, inputs: Any, *, within_s: float = 5.0) -> Plan:

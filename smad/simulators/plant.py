@@ -26,9 +26,11 @@ from smad.simulators.starts import Window, Windows, by_window
 from smad.simulators.transducers import effects_of, transduced
 
 _MOST_REPLAYS = 128
+"""The latest are kept: a reading's errors, tried one by one, replay the same course."""
 _MOVED = 0.01
 """Of its range, from which on an input has moved."""
 _STILL = 0.02
+"""Of its range, up to which a reading counts as still."""
 _RUNAWAY = 1e3
 """Times a channel's range beyond which a simulator has exploded."""
 

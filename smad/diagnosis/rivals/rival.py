@@ -101,8 +101,8 @@ class Question:
     they are free from the start. `responses` of laws and `changes` by effects are given where they
     are known already. `form_share` is the largest share of a floor's square that is model error,
     `mean_form_share` the mean over the judged rows of all channels, and `good` the number of runs
-    that they were measured on. `form_sd` (bins, channels) of each judged
-    run is the form error of the parts that have entered, in channel units; empty before.
+    that they were measured on. `form_sd` (bins, channels) of each judged run is the form error of
+    the parts that have entered, in channel units; empty before.
     """
 
     evidence: Evidence

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -10,7 +9,6 @@ from typing import Any
 
 from smad.diagnosis import Answer
 from smad.diagnosis.plant import Parameter
-from smad.progress import Say
 from smad.records.column_names import unit_in
 from smad.simulators.asking import diagnose
 from smad.simulators.by_map import tables_by_map
@@ -35,35 +33,15 @@ from smad.units import units_for
 
 
 def diagnose_mjcf(
-    model: Path,
-    map_path: Path,
-    runs: Any,
-    *,
-    good: Any = (),
-    hold_out: Any = (),
-    trusted: Sequence[str] = (),
-    window_s: float | None = None,
-    processes: int | None = None,
-    progress: Say | None = None,
-    announced: Say | None = None,
+    model: Path, map_path: Path, runs: Any, *, good: Any = (), hold_out: Any = (), **options: Any
 ) -> Answer:
-    """Where a MuJoCo model and runs disagree; as `smad.simulators.diagnose`.
+    """Where a MuJoCo model and runs disagree; `options` are others of `smad.simulators.diagnose`.
 
     Raises SimulatorError for a model or a map that cannot be used, MissingPartError without mujoco.
     """
     declared, groups = declare_mjcf(model, map_path, runs, good, hold_out)
     fit, good_runs, held_out = groups
-    return diagnose(
-        fit,
-        declared,
-        good=good_runs,
-        hold_out=held_out,
-        trusted=trusted,
-        window_s=window_s,
-        processes=processes,
-        progress=progress,
-        announced=announced,
-    )
+    return diagnose(fit, declared, good=good_runs, hold_out=held_out, **options)
 
 
 def plan_mjcf(

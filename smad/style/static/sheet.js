@@ -148,7 +148,7 @@ export function svgOf({ width, height, items }) {
 
 const glyphOf = (letter) => PRINT_FONT.glyphs[letter] ?? PRINT_FONT.glyphs["?"];
 const widthOf = (words) => Array.from(words, (letter) => glyphOf(letter)[1]).reduce((a, b) => a + b, 0) * SIZE_PT / 1000;
-const hex = (number, digits = 4) => number.toString(16).padStart(digits, "0");
+const hex = (number) => number.toString(16).padStart(4, "0");
 const glyphsOf = (words) => `<${Array.from(words, (letter) => hex(glyphOf(letter)[0])).join("")}>`;
 
 // The objects of a PDF, from number `first` on, that embed the font: publishers refuse a file
@@ -223,6 +223,7 @@ function resolutionOf(dpi) {
   return chunk.buffer;
 }
 
+// Bytes of signature and IHDR, behind which other chunks may stand.
 const PNG_HEAD = 33;
 
 // A PNG of an SVG text, as a promise of a blob.
