@@ -160,7 +160,7 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         floor = Floor(degrees=about.degrees, **{n: arrays[f"floor.{n}"] for n in _FLOOR})
         point = ModelPoint(about.theta, about.effects)
         singles = [arrays[f"{k}.responses"] for k in range(len(runs))]
-        placed = responses(with_places(plant), point, [r.played for r in runs], singles=singles)
+        placed = responses(with_places(plant), point, [r.corrected for r in runs], singles=singles)
     except _BROKEN as error:
         why = getattr(error, "strerror", None) or error
         raise BaselineError(f"{folder / _ARRAYS} cannot be read: {why}", action=_ANEW) from error

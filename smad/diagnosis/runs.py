@@ -36,6 +36,7 @@ class GapRun:
     notes: tuple[str, ...] = ()
     whole: GapRun | None = None
     trusted: bool = False
+    added: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     written: Mapping[str, Written] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

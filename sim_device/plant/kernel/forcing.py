@@ -272,7 +272,7 @@ def force_readings(state: State, work: Work, laws: Array, memory: Array, dt: flo
     keep_raw(seen, g.raw)
     now = work.forced
     for j in range(FIRST_READING, FORCED_SLOTS):
-        now[j] = work.held[j]
+        now[j] = 0.0
     for i in range(laws.shape[0]):
         slot = int(laws[i, SLOT])
         if slot >= FIRST_READING:

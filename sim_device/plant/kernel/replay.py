@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from sim_device.plant.kernel.compiled import entry, inlined
 from sim_device.plant.kernel.curves import Row
-from sim_device.plant.kernel.forcing import force_readings
+from sim_device.plant.kernel.forcing import FIRST_READING, force_readings
 from sim_device.plant.kernel.layout import OneRecord
-from sim_device.plant.kernel.state import FORCED_SLOTS, Driven, Feeds, Work
+from sim_device.plant.kernel.state import Driven, Feeds, State, Work
 from sim_device.plant.kernel.step import OK, advance, wake_sensors
 from sim_device.plant.kernel.supply import drive_current
 
@@ -59,11 +59,22 @@ def count_substeps(span: float, dt_max: float) -> int:
 
 
 @inlined
-def load_forcing(work: Work, forcing: Array, k: int) -> None:
-    """Forcing of the sample that ends at row k, by slot."""
+def load_forcing(state: State, work: Work, forcing: Array, k: int) -> None:
+    """Forcing of the sample that ends at row k, by slot; at a reading, what its sensor is given."""
     if forcing.shape[0] > 0:
-        for j in range(FORCED_SLOTS):
+        for j in range(FIRST_READING):
             work.held[j] = forcing[k, j]
+        added = state.shared.added
+        added.i_x = forcing[k, FIRST_READING]
+        added.i_y = forcing[k, FIRST_READING + 1]
+        added.v_x = forcing[k, FIRST_READING + 2]
+        added.v_y = forcing[k, FIRST_READING + 3]
+        added.rtd_x = forcing[k, FIRST_READING + 4]
+        added.rtd_y = forcing[k, FIRST_READING + 5]
+        added.rtd_inlet = forcing[k, FIRST_READING + 6]
+        added.rtd_air = forcing[k, FIRST_READING + 7]
+        added.displacement = forcing[k, FIRST_READING + 8]
+        added.force = forcing[k, FIRST_READING + 9]
 
 
 @entry
@@ -99,9 +110,9 @@ def replay(
         state.shared.given_inlet = env[k, 0]
         state.shared.given_air = env[k, 1]
         if k == 0:
+            load_forcing(state, work, forcing, k)
             wake_sensors(state, model, ring)
             if work.forces > 0.0:
-                load_forcing(work, forcing, k)
                 force_readings(state, work, laws, memory, 0.0)
         else:
             span = times[k] - times[k - 1]
@@ -109,7 +120,7 @@ def replay(
             if rows.shape[0] > 0:
                 load_feeds(work.feeds, flags, rows, k)
             load_drive(work.drive, drives[k])
-            load_forcing(work, forcing, k)
+            load_forcing(state, work, forcing, k)
             status = advance(states, works, models, ring, table, laws, memory, span / steps, steps)
             if status != OK:
                 return status

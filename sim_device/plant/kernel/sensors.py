@@ -62,9 +62,9 @@ def read_late(g: Shared, e: Effects, ring: Ring) -> None:
 
 
 @inlined
-def read_rtd(s: Spring, T_air: float, e: Effects, dt: float) -> float:
+def read_rtd(s: Spring, added: float, T_air: float, e: Effects, dt: float) -> float:
     """Temperature of one spring as its RTD gives it, K."""
-    T = s.T_wire
+    T = s.T_wire + added
     if e.front > 0.0:
         T += e.front * wire_off_at(e.rtd_place, s)
     if e.rtd_stem != 0.0:
@@ -85,7 +85,7 @@ def read_rtd(s: Spring, T_air: float, e: Effects, dt: float) -> float:
 @inlined
 def read_encoder(g: Shared, e: Effects) -> float:
     """Displacement as the encoder gives it, m."""
-    u = g.displacement
+    u = g.displacement + g.added.displacement
     if e.slip_share != 0.0:
         if u > g.slip_from:
             g.slip -= e.slip_share * (u - g.slip_from)
@@ -105,7 +105,7 @@ def read_encoder(g: Shared, e: Effects) -> float:
 def read_force(state: State, p: Constants, e: Effects, dt: float) -> float:
     """Tension as the force sensor gives it, N: of the tendon, the mean of what pulls on both."""
     g = state.shared
-    F = g.tension + g.forced_cell
+    F = g.tension + g.forced_cell + g.added.force
     if e.reads_x != 0.0 and p.fixture == ANTAGONISTIC:
         F += e.reads_x * (state.x.tension - state.y.tension)
     if e.creep_share != 0.0:
@@ -123,15 +123,16 @@ def read_force(state: State, p: Constants, e: Effects, dt: float) -> float:
 def read_sensors(state: State, model: Model, ring: Ring, dt: float) -> None:
     """What the sensors give at the end of a sample that lasted dt; dt = 0 before the first."""
     x, y, g, seen = state.x, state.y, state.shared, state.shared.sensed
-    seen.i_x = x.current + model.x.current_offset
-    seen.i_y = y.current + model.y.current_offset
-    seen.v_x = x.current * (x.resistance + model.x.contact_resistance)
-    seen.v_y = y.current * (y.resistance + model.y.contact_resistance)
-    seen.rtd_x = read_rtd(x, g.T_air, model.x, dt)
-    seen.rtd_y = read_rtd(y, g.T_air, model.y, dt)
+    added = g.added
+    seen.i_x = x.current + added.i_x + model.x.current_offset
+    seen.i_y = y.current + added.i_y + model.y.current_offset
+    seen.v_x = x.current * (x.resistance + model.x.contact_resistance) + added.v_x
+    seen.v_y = y.current * (y.resistance + model.y.contact_resistance) + added.v_y
+    seen.rtd_x = read_rtd(x, added.rtd_x, g.T_air, model.x, dt)
+    seen.rtd_y = read_rtd(y, added.rtd_y, g.T_air, model.y, dt)
     # Not what is fed: these are what the plant itself would show.
-    seen.rtd_inlet = g.given_inlet + g.reservoir_rise + g.forced_inlet
-    seen.rtd_air = g.given_air + g.air_rise + g.forced_air
+    seen.rtd_inlet = g.given_inlet + g.reservoir_rise + g.forced_inlet + added.rtd_inlet
+    seen.rtd_air = g.given_air + g.air_rise + g.forced_air + added.rtd_air
     seen.displacement = read_encoder(g, model.x)
     seen.force = read_force(state, model.p, model.x, dt)
     if model.x.late > 0.0:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -48,6 +49,27 @@ class GoodRun:
     around: dict[str, float]
     base: Array
     slopes: Array
+
+    @cached_property
+    def corrected(self) -> Played:
+        """The run with what the readings have beside those of the model."""
+        return self.correct(self.played)
+
+    def correct(self, played: Played) -> Played:
+        added = {}
+        t_s = played.start_s + (np.arange(played.bins) + 0.5) * played.period_s
+        off = self.mean - self.base
+        for c, channel in enumerate(SENSED):
+            if channel is None: continue
+            good = self.valid[:, c]
+            if good.any():
+                added[channel] = t_s[good], off[good, c]
+        whole = replace(played.whole, added=added)
+        again = Played.of(whole, played.inputs, played.start_s, played.period_s)
+        return replace(again, bins=played.bins)
+
+
+SENSED = (None, None, None, None, "rtd_x_degC", "rtd_y_degC", None, None, "displacement_mm", "force_N")
 
 
 @dataclass(frozen=True, kw_only=True)

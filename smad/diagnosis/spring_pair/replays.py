@@ -29,6 +29,12 @@ _FAST_STEP_S = 1e-2
 _RETRIES = (1.0, 0.1, 0.03)
 """Shares of the step to try: at a kink of the kinetics the kernel may find no solution."""
 _READINGS = ("rtd_x_degC", "rtd_y_degC", "displacement_m", "force_N")
+_ADDED = {
+    "rtd_x_degC": ("reading_rtd", "x", 1.0),
+    "rtd_y_degC": ("reading_rtd", "y", 1.0),
+    "displacement_mm": ("reading_displacement", "both", 1e-3),
+    "force_N": ("reading_force", "both", 1.0),
+}
 _OUTPUTS = ("i_x_A", "i_y_A", "v_x_V", "v_y_V", "rtd_inlet_degC", "rtd_ambient_degC", *_READINGS)
 
 
@@ -112,6 +118,14 @@ class GivenRun:
         inlet_K, ambient_K = (self._around(point, *pair) for pair in TRAITS.environment.items())
         return inputs.surrounded(inlet_K, ambient_K, point.root["y"])
 
+    def added(self, t_s: Array) -> dict[tuple[str, str], Array]:
+        """What the sensors are given beside the model's signals, at times (m,), by place."""
+        out = {}
+        for channel, (times, values) in self.run.as_recorded.added.items():
+            name, side, unit = _ADDED[channel]
+            out[name, side] = unit * np.interp(t_s, times, values)
+        return out
+
     def steps(self, forcing: Forcing) -> Steps:
         """The kernel's steps for the run under a forcing."""
         return Steps.of(self.recorded, list(forcing.values())) if forcing else self._unforced
@@ -166,7 +180,8 @@ class OneReplay:
 
     def trajectory(self) -> dict[str, Array]:
         """All states that a law may depend on, (n,) each."""
-        replay = Replay(self.run.inputs(self.point), variant=self.point.variant)
+        inputs = self.run.inputs(self.point)
+        replay = Replay(inputs, variant=self.point.variant, forcing=self.run.added(inputs.t_s))
         dt_s = self._quick_s if self.fast else STEP_S
         return trajectory(replay, self.point.setup, dt_s=dt_s)
 
@@ -186,6 +201,8 @@ class OneReplay:
             dt_s = LONGEST_STEP_S
             forcing = {key: np.asarray(series)[steps.sample] for key, series in forcing.items()}
         inputs = self.run.inputs(self.point, steps)
+        added = self.run.added(inputs.t_s)
+        forcing = {**forcing, **{key: series + forcing.get(key, 0.0) for key, series in added.items()}}
         replay = Replay(inputs, variant=self.point.variant, forcing=forcing, outputs=_OUTPUTS)
         for share in _RETRIES:
             try:
