@@ -64,8 +64,8 @@ for _side in ("x", "y"):
 # State of a trajectory, as `laws.own_states` knows it -> numbers of the kernel's `State` whose sum
 # it is. What a channel reads is that before anything is forced there.
 TRAJECTORY: dict[str, tuple[str, ...]] = {
-    "displacement": ("shared.displacement",),
-    "velocity": ("shared.speed",),
+    "displacement": ("shared.displacement", "shared.added.displacement"),
+    "velocity": ("shared.speed", "shared.added_rate.displacement"),
     "time": ("shared.time",),
 }
 _SENSED = {
@@ -75,13 +75,13 @@ _SENSED = {
 }  # fmt: skip
 for _side in ("x", "y"):
     TRAJECTORY |= {
-        f"wire.{_side}": (f"{_side}.T_wire",),
+        f"wire.{_side}": (f"{_side}.T_wire", f"shared.added.rtd_{_side}"),
         f"water.{_side}": (f"{_side}.T_water",),
         f"current.{_side}": (f"{_side}.current",),
         f"duty.{_side}": (f"{_side}.duty",),
         f"fraction.{_side}": (f"{_side}.memory.xi_S", f"{_side}.memory.xi_T"),
-        f"force.{_side}": (f"{_side}.tension",),
-        f"wire_rate.{_side}": (f"{_side}.T_wire_rate",),
+        f"force.{_side}": (f"{_side}.tension", "shared.added.force"),
+        f"wire_rate.{_side}": (f"{_side}.T_wire_rate", f"shared.added_rate.rtd_{_side}"),
         f"fraction_rate.{_side}": (f"{_side}.fraction_rate",),
         f"transformed.{_side}": (f"{_side}.cycles",),
     }

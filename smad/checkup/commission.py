@@ -26,7 +26,7 @@ def commissioned(
     placed = with_places(plant)
     progress("reference model")
     good = good_runs(placed, groups)
-    played = [run.corrected for run in good.runs]
+    played = [run.as_measured(placed) for run in good.runs]
     of_laws = responses(placed, good.point, played, progress=progress)
     progress("what each effect changes")
     changes = changes_at(placed, good.point, played, placed.effects)

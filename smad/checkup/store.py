@@ -30,7 +30,7 @@ from smad.diagnosis.rivals.changes import Changes, values_asked
 from smad.diagnosis.runs import GapRun
 from smad.files import named_output
 
-SCHEMA = 10
+SCHEMA = 11
 """Raised when arrays change their meaning: earlier baselines are then computed again."""
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")
@@ -160,7 +160,8 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         floor = Floor(degrees=about.degrees, **{n: arrays[f"floor.{n}"] for n in _FLOOR})
         point = ModelPoint(about.theta, about.effects)
         singles = [arrays[f"{k}.responses"] for k in range(len(runs))]
-        placed = responses(with_places(plant), point, [r.corrected for r in runs], singles=singles)
+        played = [run.as_measured(plant) for run in runs]
+        placed = responses(with_places(plant), point, played, singles=singles)
     except _BROKEN as error:
         why = getattr(error, "strerror", None) or error
         raise BaselineError(f"{folder / _ARRAYS} cannot be read: {why}", action=_ANEW) from error

@@ -24,7 +24,8 @@ class GapRun:
     `notes` carry facts of the log that the admission reports, such as its being cut short. `whole`
     is the run that this one was thinned from, for what must be replayed at its own pace. A
     `trusted` run is not refused for what the nominal model thinks of it. `written` says how a
-    column stands in its file, where it was converted.
+    column stands in its file, where it was converted. `offsets` are series of times and values by
+    channel, in its unit: a plant adds them to its signals before its sensors, if it can.
     """
 
     name: str
@@ -36,7 +37,7 @@ class GapRun:
     notes: tuple[str, ...] = ()
     whole: GapRun | None = None
     trusted: bool = False
-    added: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
+    offsets: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     written: Mapping[str, Written] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

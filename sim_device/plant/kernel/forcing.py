@@ -68,7 +68,7 @@ def state_at(which: int, slot: int, state: State) -> float:
     sign = -1.0 if of_y else 1.0
     value = 0.0
     if which == 0:
-        value = side.T_wire
+        value = side.T_wire + (g.added.rtd_y if of_y else g.added.rtd_x)
     elif which == 1:
         value = side.T_water
     elif which == 2:
@@ -78,17 +78,17 @@ def state_at(which: int, slot: int, state: State) -> float:
     elif which == 4:
         value = side.memory.xi_S + side.memory.xi_T
     elif which == 5:
-        value = side.tension
+        value = side.tension + g.added.force
     elif which == 6:
-        value = sign * g.displacement
+        value = sign * (g.displacement + g.added.displacement)
     elif which == VELOCITY:
-        value = sign * g.speed
+        value = sign * (g.speed + g.added_rate.displacement)
     elif which == 8:
-        value = side.T_wire_rate
+        value = side.T_wire_rate + (g.added_rate.rtd_y if of_y else g.added_rate.rtd_x)
     elif which == 9:
         value = side.fraction_rate
     elif which == 10:
-        value = other.T_wire
+        value = other.T_wire + (g.added.rtd_x if of_y else g.added.rtd_y)
     elif which == 11:
         value = other.duty
     elif which == 12:

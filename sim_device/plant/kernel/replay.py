@@ -59,12 +59,18 @@ def count_substeps(span: float, dt_max: float) -> int:
 
 
 @inlined
-def load_forcing(state: State, work: Work, forcing: Array, k: int) -> None:
-    """Forcing of the sample that ends at row k, by slot; at a reading, what its sensor is given."""
+def load_forcing(state: State, work: Work, forcing: Array, k: int, span: float) -> None:
+    """Forcing of the sample that ends at row k and lasts `span`, by slot; at a reading it is added
+    to what the sensor is given."""
     if forcing.shape[0] > 0:
+        per_span = 1.0 / span if span > 0.0 else 0.0
         for j in range(FIRST_READING):
             work.held[j] = forcing[k, j]
         added = state.shared.added
+        rate = state.shared.added_rate
+        rate.rtd_x = (forcing[k, FIRST_READING + 4] - added.rtd_x) * per_span
+        rate.rtd_y = (forcing[k, FIRST_READING + 5] - added.rtd_y) * per_span
+        rate.displacement = (forcing[k, FIRST_READING + 8] - added.displacement) * per_span
         added.i_x = forcing[k, FIRST_READING]
         added.i_y = forcing[k, FIRST_READING + 1]
         added.v_x = forcing[k, FIRST_READING + 2]
@@ -110,7 +116,7 @@ def replay(
         state.shared.given_inlet = env[k, 0]
         state.shared.given_air = env[k, 1]
         if k == 0:
-            load_forcing(state, work, forcing, k)
+            load_forcing(state, work, forcing, k, 0.0)
             wake_sensors(state, model, ring)
             if work.forces > 0.0:
                 force_readings(state, work, laws, memory, 0.0)
@@ -120,7 +126,7 @@ def replay(
             if rows.shape[0] > 0:
                 load_feeds(work.feeds, flags, rows, k)
             load_drive(work.drive, drives[k])
-            load_forcing(state, work, forcing, k)
+            load_forcing(state, work, forcing, k, span)
             status = advance(states, works, models, ring, table, laws, memory, span / steps, steps)
             if status != OK:
                 return status

@@ -125,7 +125,8 @@ class Shared:
     forced_inlet: float  # K
     forced_air: float
     forced_cell: float  # what a force between the springs adds to the force sensor's, N
-    added: Sensed  # to what each sensor is given
+    added: Sensed  # to what each sensor is given, and its rate
+    added_rate: Sensed
     sensed: Sensed
     raw: Sensed  # under a forcing: what the sensors gave before it, and the rates of that
     raw_rate: Sensed

@@ -119,7 +119,7 @@ def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pai
     again = _again(then, run, other, around, start)
     (predicted,) = predictions(plant, good.point, [again], exact=True)
     moved = np.where(np.isfinite(predicted) & now.covered[:, None], predicted - then.base, 0.0)
-    again = then.correct(again)
+    again = then.as_measured(plant, again)
     (predicted,) = predictions(plant, good.point, [again], exact=True)
     # In the surroundings of now, since a change may act differently there.
     target = predicted + (now.values - then.mean) - moved

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -50,26 +49,21 @@ class GoodRun:
     base: Array
     slopes: Array
 
-    @cached_property
-    def corrected(self) -> Played:
-        """The run with what the readings have beside those of the model."""
-        return self.correct(self.played)
+    def as_measured(self, plant: PlantModel, played: Played | None = None) -> Played:
+        """The run, or another one on its bins, with what was measured beyond the model as offsets.
 
-    def correct(self, played: Played) -> Played:
-        added = {}
+        Sensors of a model are then given what those of the bench were: a lag, for instance, acts on
+        the measured course and not on that of a model that is a little early.
+        """
+        played = played or self.played
         t_s = played.start_s + (np.arange(played.bins) + 0.5) * played.period_s
-        off = self.mean - self.base
-        for c, channel in enumerate(SENSED):
-            if channel is None: continue
-            good = self.valid[:, c]
-            if good.any():
-                added[channel] = t_s[good], off[good, c]
-        whole = replace(played.whole, added=added)
-        again = Played.of(whole, played.inputs, played.start_s, played.period_s)
-        return replace(again, bins=played.bins)
-
-
-SENSED = (None, None, None, None, "rtd_x_degC", "rtd_y_degC", None, None, "displacement_mm", "force_N")
+        beyond = self.mean - self.base
+        offsets = {
+            channel.name: (t_s[good], beyond[good, c])
+            for c, (channel, good) in enumerate(zip(plant.channels, self.valid.T, strict=True))
+            if good.any()
+        }
+        return played.with_offsets(offsets)
 
 
 @dataclass(frozen=True, kw_only=True)

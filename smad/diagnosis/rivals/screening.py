@@ -9,13 +9,14 @@ of it means nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from smad.diagnosis.numerics.bounded import bounded_step
 from smad.diagnosis.numerics.white import Shrink
-from smad.diagnosis.plant import Array
+from smad.diagnosis.plant import Array, Effect, EffectParameter
 from smad.diagnosis.rivals.changes import Change
 from smad.diagnosis.rivals.evidence import Evidence, weights
 from smad.diagnosis.rivals.fit import Reference, replayed
@@ -72,19 +73,32 @@ def screen(evidence: Evidence, reference: Reference, changes: Sequence[Change]) 
     marginalised = marginaliser(evidence, reference)
     z = marginalised(residual[None])[0]
     promising: dict[str, list[tuple[float, Array]]] = {}
+    alone: dict[str, dict[EffectParameter, Array]] = {}
     parts = {change.effect.name: EffectPart(change.effect) for change in changes}
+
+    def promise(effect: Effect, gain: float, values: Mapping[str, float]) -> None:
+        start = np.clip(parts[effect.name].coordinates(values), *parts[effect.name].bounds())
+        promising.setdefault(effect.name, []).append((gain, start))
+
     for change in changes:
         s = marginalised(change.rows[None].astype(np.float64))[0]
         square, along = float(s @ s), float(s @ z)
         effect = change.effect
         strengths = {q.name for q in effect.parameters if q.strength}
+        if change.typical is not None and square > 0.0:
+            alone.setdefault(effect.name, {})[change.typical] = s
         if strengths and (square <= 0.0 or along <= 0.0):
             continue
         scale = min(along / square, _FURTHEST) if strengths else 1.0
         gain = 2.0 * scale * along - scale**2 * square
         scaled = {n: v * scale if n in strengths else v for n, v in change.values.items()}
-        start = np.clip(parts[effect.name].coordinates(scaled), *parts[effect.name].bounds())
-        promising.setdefault(effect.name, []).append((gain, start))
+        promise(effect, gain, scaled)
+    for name, columns in alone.items():
+        if len(columns) > 1:
+            gain, values = _together(columns, z)
+            rest = {q.name: q.typical for q in parts[name].effect.parameters if not q.strength}
+            zeros = {q.name: 0.0 for q in parts[name].effect.parameters if q.strength}
+            promise(parts[name].effect, gain, {**zeros, **rest, **values})
     out = []
     for name, pairs in promising.items():
         pairs.sort(key=lambda pair: -pair[0])
@@ -94,6 +108,20 @@ def screen(evidence: Evidence, reference: Reference, changes: Sequence[Change]) 
         starts = [start for gain, start in pairs if gain >= least][:_STARTS]
         out.append(Screened(part=parts[name], starts=tuple(starts), gain=best))
     return sorted(out, key=lambda s: -s.gain)
+
+
+def _together(columns: Mapping[EffectParameter, Array], z: Array) -> tuple[float, dict[str, float]]:
+    """The gain of all strengths of an effect together, and their values.
+
+    Strengths whose changes nearly cancel explain little alone.
+    """
+    S = np.array(list(columns.values()))
+    A, g = S @ S.T, S @ z
+    ends = np.array([sorted((q.low / q.typical, q.high / q.typical)) for q in columns])
+    low, high = np.clip(ends, -_FURTHEST, _FURTHEST).T
+    scale = bounded_step(A, g, low, high)
+    values = {q.name: float(x * q.typical) for q, x in zip(columns, scale, strict=True)}
+    return float(2.0 * scale @ g - scale @ A @ scale), values
 
 
 def worth_a_fit(ranked: Sequence[Screened]) -> list[Screened]:

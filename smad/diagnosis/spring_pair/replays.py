@@ -29,7 +29,7 @@ _FAST_STEP_S = 1e-2
 _RETRIES = (1.0, 0.1, 0.03)
 """Shares of the step to try: at a kink of the kinetics the kernel may find no solution."""
 _READINGS = ("rtd_x_degC", "rtd_y_degC", "displacement_m", "force_N")
-_ADDED = {
+_SENSORS = {
     "rtd_x_degC": ("reading_rtd", "x", 1.0),
     "rtd_y_degC": ("reading_rtd", "y", 1.0),
     "displacement_mm": ("reading_displacement", "both", 1e-3),
@@ -118,13 +118,17 @@ class GivenRun:
         inlet_K, ambient_K = (self._around(point, *pair) for pair in TRAITS.environment.items())
         return inputs.surrounded(inlet_K, ambient_K, point.root["y"])
 
-    def added(self, t_s: Array) -> dict[tuple[str, str], Array]:
-        """What the sensors are given beside the model's signals, at times (m,), by place."""
-        out = {}
-        for channel, (times, values) in self.run.as_recorded.added.items():
-            name, side, unit = _ADDED[channel]
-            out[name, side] = unit * np.interp(t_s, times, values)
-        return out
+    def offsets(self, t_s: Array) -> dict[tuple[str, str], Array]:
+        """The forcing of the sensors by the run's offsets, at times (m,).
+
+        Electrical readings, water and room have no sensor that follows or distorts.
+        """
+        given = self.run.as_recorded.offsets
+        return {
+            (place, side): unit * np.interp(t_s, *given[channel])
+            for channel, (place, side, unit) in _SENSORS.items()
+            if channel in given
+        }
 
     def steps(self, forcing: Forcing) -> Steps:
         """The kernel's steps for the run under a forcing."""
@@ -181,7 +185,7 @@ class OneReplay:
     def trajectory(self) -> dict[str, Array]:
         """All states that a law may depend on, (n,) each."""
         inputs = self.run.inputs(self.point)
-        replay = Replay(inputs, variant=self.point.variant, forcing=self.run.added(inputs.t_s))
+        replay = Replay(inputs, variant=self.point.variant, forcing=self.run.offsets(inputs.t_s))
         dt_s = self._quick_s if self.fast else STEP_S
         return trajectory(replay, self.point.setup, dt_s=dt_s)
 
@@ -201,8 +205,8 @@ class OneReplay:
             dt_s = LONGEST_STEP_S
             forcing = {key: np.asarray(series)[steps.sample] for key, series in forcing.items()}
         inputs = self.run.inputs(self.point, steps)
-        added = self.run.added(inputs.t_s)
-        forcing = {**forcing, **{key: series + forcing.get(key, 0.0) for key, series in added.items()}}
+        offsets = self.run.offsets(inputs.t_s)
+        forcing = {**forcing, **{key: x + forcing.get(key, 0.0) for key, x in offsets.items()}}
         replay = Replay(inputs, variant=self.point.variant, forcing=forcing, outputs=_OUTPUTS)
         for share in _RETRIES:
             try:
