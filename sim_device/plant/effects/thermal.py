@@ -12,18 +12,21 @@ _INCROPERA = (
 THERMAL: tuple[Effect, ...] = (
     Effect(
         name="ambient_drift",
-        title="the room warms or cools during a run",
+        title="the air at the tubes warms or cools during a run",
         subsystem="thermal",
-        places=("ambient_air",),
-        equation="T_a(t) = T_a + r t",
+        places=("ambient_air", "heat_into_water"),
+        equation="T_a(t) = T_a + r t + b t²; the RTD of the room shows the share s of the change",
         parameters=(
-            strength("rate_K_s", "K/s", (-0.1, 0.02, 0.1), either(0.02), "rate r",
+            strength("rate_K_s", "K/s", (-0.5, 0.02, 0.5), either(0.02), "rate r",
                      term="air_drift"),
+            strength("bend_K_s2", "K/s²", (-0.01, 2e-4, 0.01), either(2e-4), "bend b",
+                     term="air_bend"),
+            shape("seen", "1", (0, 1, 1), about(1), "share s", term="air_seen"),
         ),
         signals=("ambient", "temperature", "displacement", "force"),
         confused_with=("reservoir_warming", "rtd_offset"),
-        separated_by="rest isotherm before and after a run",
-        reference="definition; the ambient RTD shows it",
+        separated_by="rest isotherm before and after a run, a second thermometer at the tubes",
+        reference="definition; a room changes as a whole, a draught passes its RTD by",
     ),
     Effect(
         name="cold_ends",

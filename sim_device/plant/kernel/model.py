@@ -101,6 +101,8 @@ class Effects:
     skew_ppm: float
     # Heat.
     air_drift: float
+    air_bend: float
+    air_seen: float
     cold_ends: float
     end_loss: float
     spread: float

@@ -132,7 +132,7 @@ def read_sensors(state: State, model: Model, ring: Ring, dt: float) -> None:
     seen.rtd_y = read_rtd(y, added.rtd_y, g.T_air, model.y, dt)
     # Not what is fed: these are what the plant itself would show.
     seen.rtd_inlet = g.given_inlet + g.reservoir_rise + g.forced_inlet + added.rtd_inlet
-    seen.rtd_air = g.given_air + g.air_rise + g.forced_air + added.rtd_air
+    seen.rtd_air = g.given_air + model.x.air_seen * g.air_rise + g.forced_air + added.rtd_air
     seen.displacement = read_encoder(g, model.x)
     seen.force = read_force(state, model.p, model.x, dt)
     if model.x.late > 0.0:

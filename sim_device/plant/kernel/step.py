@@ -155,7 +155,7 @@ def take_feed(w: SpringWork, fed: SpringFeed, flag: float, share: float) -> None
 def set_surroundings(state: State, work: Work, model: Model, dt: float) -> None:
     """Inlet and air in this substep: as given, with what effects add, or as fed."""
     g = state.shared
-    g.air_rise += model.x.air_drift * dt
+    g.air_rise += (model.x.air_drift + model.x.air_bend * (2.0 * g.time + dt)) * dt
     g.T_inlet = g.given_inlet + g.reservoir_rise + g.forced_inlet
     g.T_air = g.given_air + g.air_rise + g.forced_air
     if work.feeds.feeds_surroundings > 0.0:

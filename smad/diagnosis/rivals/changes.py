@@ -27,14 +27,22 @@ class Change:
     rows: Array
 
     @property
+    def shape(self) -> tuple[float, ...]:
+        """The values of its shapes."""
+        return tuple(self.values[q.name] for q in self.effect.parameters if not q.strength)
+
+    @property
+    def alone(self) -> EffectParameter | None:
+        """The strength that acts at its typical value without the others, else None."""
+        acting = [q for q in self.effect.parameters if q.strength and self.values[q.name] != 0.0]
+        typical = len(acting) == 1 and self.values[acting[0].name] == acting[0].typical
+        return acting[0] if typical else None
+
+    @property
     def typical(self) -> EffectParameter | None:
         """The one strength that acts if it and all shapes are at typical values, else None."""
-        acting = [q for q in self.effect.parameters if q.strength and self.values[q.name] != 0.0]
-        usual = all(
-            self.values[q.name] == q.typical for q in self.effect.parameters if not q.strength
-        )
-        alone = len(acting) == 1 and self.values[acting[0].name] == acting[0].typical
-        return acting[0] if alone and usual else None
+        usual = tuple(q.typical for q in self.effect.parameters if not q.strength)
+        return self.alone if self.shape == usual else None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

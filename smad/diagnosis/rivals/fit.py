@@ -25,7 +25,7 @@ from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, weights
 from smad.diagnosis.rivals.parts import Model
 
-_DAMPING = (0.0, 0.003, 0.03, 0.3, 3.0, 30.0)
+_DAMPING = (0.0, 0.1, 3.0)
 _LONGER = (1.0, 2.0, 4.0, 8.0)
 _ROUNDS = 8
 NAT = 2.0

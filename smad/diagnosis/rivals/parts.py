@@ -9,7 +9,7 @@ the model with it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -73,7 +73,7 @@ class EffectPart:
         away = np.abs(p)
         return np.where(away < 1e-9, _STEP, np.clip(0.5 * away, _LEAST_STEP, _STEP))
 
-    def coordinates(self, values: dict[str, float]) -> Array:
+    def coordinates(self, values: Mapping[str, float]) -> Array:
         """The coordinates of the effect's values."""
         return np.array([values[q.name] / q.scale for q in self.effect.parameters])
 

@@ -73,7 +73,7 @@ def screen(evidence: Evidence, reference: Reference, changes: Sequence[Change]) 
     marginalised = marginaliser(evidence, reference)
     z = marginalised(residual[None])[0]
     promising: dict[str, list[tuple[float, Array]]] = {}
-    alone: dict[str, dict[EffectParameter, Array]] = {}
+    of_shape: dict[tuple[str, tuple[float, ...]], dict[EffectParameter, Array]] = {}
     parts = {change.effect.name: EffectPart(change.effect) for change in changes}
 
     def promise(effect: Effect, gain: float, values: Mapping[str, float]) -> None:
@@ -85,20 +85,21 @@ def screen(evidence: Evidence, reference: Reference, changes: Sequence[Change]) 
         square, along = float(s @ s), float(s @ z)
         effect = change.effect
         strengths = {q.name for q in effect.parameters if q.strength}
-        if change.typical is not None and square > 0.0:
-            alone.setdefault(effect.name, {})[change.typical] = s
+        if (alone := change.alone) is not None and square > 0.0:
+            of_shape.setdefault((effect.name, change.shape), {})[alone] = s
         if strengths and (square <= 0.0 or along <= 0.0):
             continue
         scale = min(along / square, _FURTHEST) if strengths else 1.0
         gain = 2.0 * scale * along - scale**2 * square
         scaled = {n: v * scale if n in strengths else v for n, v in change.values.items()}
         promise(effect, gain, scaled)
-    for name, columns in alone.items():
+    for (name, shape), columns in of_shape.items():
         if len(columns) > 1:
             gain, values = _together(columns, z)
-            rest = {q.name: q.typical for q in parts[name].effect.parameters if not q.strength}
-            zeros = {q.name: 0.0 for q in parts[name].effect.parameters if q.strength}
-            promise(parts[name].effect, gain, {**zeros, **rest, **values})
+            effect = parts[name].effect
+            shapes = (q.name for q in effect.parameters if not q.strength)
+            absent = {q.name: 0.0 for q in effect.parameters if q.strength}
+            promise(effect, gain, absent | values | dict(zip(shapes, shape, strict=True)))
     out = []
     for name, pairs in promising.items():
         pairs.sort(key=lambda pair: -pair[0])
