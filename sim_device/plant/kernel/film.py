@@ -58,9 +58,9 @@ def air_conductance(T: float, T_air: float, p: Constants) -> float:
 
 
 @inlined
-def convection_factor(difference: float, exponent: float, e: Effects) -> float:
+def convection_factor(difference: float, exponent: float, reference: float) -> float:
     """Effect convection_exponent: factor on a film coefficient at a temperature difference."""
-    size = abs(difference) / e.exponent_reference
+    size = abs(difference) / reference
     return math.pow(size if size > 0.01 else 0.01, exponent)
 
 

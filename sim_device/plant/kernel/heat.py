@@ -45,14 +45,16 @@ def set_conductances(
         g_water = g_water * s.wetted
         g_dry = (1.0 - s.filled) * p.gap_conductance
         if e.film_exponent != 0.0:
-            g_water = g_water * convection_factor(middle - surround, e.film_exponent, e)
+            g_water = g_water * convection_factor(
+                middle - surround, e.film_exponent, e.film_reference
+            )
         if forces:
             g_water = g_water * w.forced_film
         w.g_water = g_water
     else:
         g_dry = air_conductance(middle, g.T_air, p)
         if e.film_exponent != 0.0:
-            g_dry = g_dry * convection_factor(middle - g.T_air, e.film_exponent, e)
+            g_dry = g_dry * convection_factor(middle - g.T_air, e.film_exponent, e.film_reference)
         if forces:
             g_dry = g_dry * w.forced_film
     if e.end_loss > 0.0:
@@ -73,7 +75,9 @@ def eliminate_water(
     g_flow = s.flow * p.flow_conductance
     g_loss = s.filled * p.tube_loss
     if e.loss_exponent != 0.0:
-        g_loss = g_loss * convection_factor(middle_water - g.T_air, e.loss_exponent, e)
+        g_loss = g_loss * convection_factor(
+            middle_water - g.T_air, e.loss_exponent, e.loss_reference
+        )
     stiff = inertia + w.g_water + g_flow + g_loss
     right = inertia * s.T_water + g_flow * g.T_inlet + g_loss * g.T_air + w.forced_water
     w.g_wall = 0.0

@@ -110,7 +110,8 @@ class Effects:
     rtd_place: float
     film_exponent: float
     loss_exponent: float
-    exponent_reference: float
+    film_reference: float
+    loss_reference: float
     crosstalk: float
     wall_ratio: float
     wall_conductance: float

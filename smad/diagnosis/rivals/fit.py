@@ -23,7 +23,7 @@ from smad.diagnosis.data.played import finite, predictions
 from smad.diagnosis.numerics.bounded import bounded_step
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, weights
-from smad.diagnosis.rivals.parts import Model
+from smad.diagnosis.rivals.parts import EffectPart, Model, Part
 
 _DAMPING = (0.0, 0.1, 3.0)
 _LONGER = (1.0, 2.0, 4.0, 8.0)
@@ -184,6 +184,18 @@ def averages_hide(evidence: Evidence, reference: Reference, model: Model, x: Arr
     as_recorded, averaged = changes
     hidden = np.sum((averaged - as_recorded) ** 2)
     return bool(hidden > _HIDDEN**2 * np.sum(as_recorded**2))
+
+
+def model_beside(evidence: Evidence, reference: Reference, part: Part, x: Array) -> Model:
+    """The model of a reference with one part more, at `x` where it is to be fitted.
+
+    An effect that averaged inputs hide there is marked to need exact replays.
+    """
+    parts = reference.model.parts
+    model = reference.model.with_parts([*parts, part])
+    if isinstance(part, EffectPart) and averages_hide(evidence, reference, model, x):
+        return model.with_parts([*parts, replace(part, needs_exact=True)])
+    return model
 
 
 def objective(

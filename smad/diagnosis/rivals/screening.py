@@ -19,12 +19,12 @@ from smad.diagnosis.numerics.white import Shrink
 from smad.diagnosis.plant import Array, Effect, EffectParameter
 from smad.diagnosis.rivals.changes import Change
 from smad.diagnosis.rivals.evidence import Evidence, weights
-from smad.diagnosis.rivals.fit import Reference, replayed
+from smad.diagnosis.rivals.fit import Fit, Reference, fit, model_beside, replayed
 from smad.diagnosis.rivals.parts import EffectPart
 
-_MOST = 8
-"""Effects fitted for each reference. The right one may have a small estimate: an overflow of tanks
-was estimated at a fifth of another effect, and left least."""
+_TRIED, _MOST = 20, 8
+"""Effects that one round of a fit tries beside each reference, and those that are fitted. The right
+one may have a small estimate: that of an exponent was the eleventh, and left least."""
 _FURTHEST = 3.0
 """A change is scaled by at most this factor."""
 _WORTH, _STARTS = 0.5, 4
@@ -125,16 +125,14 @@ def _together(columns: Mapping[EffectParameter, Array], z: Array) -> tuple[float
     return float(2.0 * scale @ g - scale @ A @ scale), values
 
 
-def worth_a_fit(ranked: Sequence[Screened]) -> list[Screened]:
-    """The first few of ranked effects, and all without a strength."""
-    return [s for k, s in enumerate(ranked) if k < _MOST or not s.part.has_strength]
-
-
 def best_starts(
     evidence: Evidence, reference: Reference, candidates: Sequence[Screened]
 ) -> list[tuple[EffectPart, Array]]:
-    """Each effect with the start at which a replay beside the reference leaves least, parameters
-    marginalised; a weaker start is compared, too."""
+    """Coordinates from which to fit the effects that are worth it beside the reference.
+
+    Of the first `_TRIED` and all without a strength, each is replayed from its starts and a weaker
+    one. A round of the fit from the start that leaves least, parameters marginalised, decides.
+    """
     variances = marginal_variances(evidence, reference)
     rows = evidence.counts.sum(axis=0)
 
@@ -149,8 +147,18 @@ def best_starts(
         )
         return float(rows @ np.log(variances(residual) + 1.0))
 
-    out = []
-    for s in candidates:
-        starts = (*s.starts, s.part.weaker(s.starts[0], _WEAKER))
-        out.append((s.part, min(starts, key=lambda start: least(s.part, start))))
-    return out
+    rounds: list[tuple[EffectPart, Fit]] = []
+    for k, s in enumerate(candidates):
+        if k < _TRIED or not s.part.has_strength:
+            starts = (*s.starts, s.part.weaker(s.starts[0], _WEAKER))
+            start = min(starts, key=lambda start: least(s.part, start))
+            x = np.concatenate([reference.x, start])
+            model = model_beside(evidence, reference, s.part, x)
+            if fitted := fit(evidence, model, x, reference, rounds=1):
+                rounds.append((s.part, fitted))
+    rounds.sort(key=lambda pair: pair[1].objective)
+    return [
+        (part, fitted.x)
+        for k, (part, fitted) in enumerate(rounds)
+        if k < _MOST or not part.has_strength
+    ]

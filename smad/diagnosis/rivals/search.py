@@ -22,8 +22,8 @@ from smad.diagnosis.rivals.fit import (
     NAT,
     Fit,
     Reference,
-    averages_hide,
     fit,
+    model_beside,
     objective_at,
     polished,
     reference_at,
@@ -33,7 +33,7 @@ from smad.diagnosis.rivals.laws import selected_laws
 from smad.diagnosis.rivals.parts import EffectPart, LawPart, Part
 from smad.diagnosis.rivals.rival import Question, Rival, cannot_replay
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
-from smad.diagnosis.rivals.screening import Screened, best_starts, screen, worth_a_fit
+from smad.diagnosis.rivals.screening import Screened, best_starts, screen
 
 MOST_CAUSES = 3
 """Parts of an answer at most: of two changes both are found in a third of cases (decision 0720)."""
@@ -257,7 +257,7 @@ class Search:
             fits = _Fits(question, without=np.inf)
             better = [s for s in candidates if s.gain > gain]
             for effect, start in best_starts(question.evidence, base, better):
-                fits.begin(EFFECT, base, effect, np.r_[base.x, start])
+                fits.begin(EFFECT, base, effect, start)
             # The part that is asked is the last one of each rival.
             incumbent = replace(current, kind=EFFECT, name=name, fit=fitted.of_parts([*others, i]))
             ranked = question.ranked([incumbent, *fits.rivals()])
@@ -301,7 +301,7 @@ class Search:
         """The most promising effects that a reference lacks, the best first."""
         present = {part.name for part in reference.model.parts}
         changes = [c for c in self.changes if c.effect.name not in present]
-        return worth_a_fit(screen(self.question.evidence, reference, changes))
+        return screen(self.question.evidence, reference, changes)
 
     def _rivals(self, current: Rival) -> list[Rival]:
         """Effects and laws beside the parts of a rival, each fitted and scored."""
@@ -319,7 +319,7 @@ class Search:
             references.append(replace(self.nominal, model=base.model))
         for reference in references:
             for effect, start in best_starts(e, reference, self._screen(reference)):
-                fits.begin(EFFECT, reference, effect, np.r_[reference.x, start])
+                fits.begin(EFFECT, reference, effect, start)
         for part, start in chain(
             _halfway_starts(self.imitated_effects, base), self._starts_of_last_step(base)
         ):
@@ -404,11 +404,9 @@ class _Fits:
 
     def begin(self, kind: str, reference: Reference, part: Part, start: Array) -> None:
         """Fit a part beside a reference for a few rounds; keep the better fit of a name."""
-        e, before = self.question.evidence, reference.model.parts
+        e = self.question.evidence
         self.question.say(f"fitting {part.name}")
-        model = reference.model.with_parts([*before, part])
-        if isinstance(part, EffectPart) and averages_hide(e, reference, model, start):
-            model = model.with_parts([*before, replace(part, needs_exact=True)])
+        model = model_beside(e, reference, part, start)
         fitted = fit(e, model, start, reference, enough=NAT)
         earlier = self.by_name.get(part.name)
         if fitted and (earlier is None or fitted.objective < earlier[1].objective):
