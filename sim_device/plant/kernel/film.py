@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_device.plant.kernel.compiled import inlined
-from sim_device.plant.kernel.model import Constants, Effects
+from sim_device.plant.kernel.model import Constants
 
 SIXTH = 1.0 / 6.0
 
