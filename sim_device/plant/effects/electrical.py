@@ -70,6 +70,7 @@ ELECTRICAL: tuple[Effect, ...] = (
                      term="resistivity_T"),
             strength("beta", "1", (-0.5, -0.15, 0.5), either(0.15), "slope β with phase",
                      term="resistivity_xi"),
+            Y_SHARE,
         ),
         signals=("voltage", "temperature", "displacement", "force"),
         confused_with=("contact_resistance", "driver_gain", "r_phase"),

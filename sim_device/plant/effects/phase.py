@@ -19,6 +19,7 @@ PHASE: tuple[Effect, ...] = (
         parameters=(
             strength("kappa", "1", (-0.9, 0.8, 3), either(0.6), "κ", term="minor_kappa"),
             strength("memory", "1", (0, 0.5, 1), half(0.5), "share m", term="minor_memory"),
+            Y_SHARE,
         ),
         signals=("temperature", "displacement", "force"),
         confused_with=("temperature_spread", "transformation_fatigue"),
@@ -57,6 +58,7 @@ PHASE: tuple[Effect, ...] = (
                      term="r_resistivity"),
             shape("above_K", "K", (0, 8, 30), about(8), "a, its start above M_S", term="r_above"),
             shape("width_K", "K", (1, 6, 30), about(6), "w, its width", term="r_width"),
+            Y_SHARE,
         ),
         signals=("voltage", "temperature", "displacement", "force"),
         confused_with=("phase_resistivity", "minor_loop"),
