@@ -25,7 +25,7 @@ def commissioned(
     """
     placed = with_places(plant)
     progress("reference model")
-    good = good_runs(placed, groups)
+    good = good_runs(placed, groups, placed.effects, say=progress)
     played = [run.as_measured(placed) for run in good.runs]
     of_laws = responses(placed, good.point, played, progress=progress)
     progress("what each effect changes")

@@ -133,11 +133,15 @@ def third_difference_sd(courses: Sequence[Array]) -> float:
 
 def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Array:
     """Floors of channels in their units, (channels,): noise and resolution in quadrature."""
-    resolution = [
-        RESOLUTION * excursion([r.outputs[c.name][r.good] for r in runs if c.name in r.outputs])
-        for c in plant.channels
-    ]
-    return np.asarray(np.hypot(row_noise(runs, plant, period_s), resolution))
+    return np.asarray(np.hypot(row_noise(runs, plant, period_s), resolution(runs, plant)))
+
+
+def resolution(runs: Sequence[GapRun], plant: PlantModel) -> Array:
+    """What no simulator is trusted below, by channel, in its unit, (channels,)."""
+    columns = (
+        [r.outputs[c.name][r.good] for r in runs if c.name in r.outputs] for c in plant.channels
+    )
+    return np.array([RESOLUTION * excursion(c) for c in columns])
 
 
 def row_noise(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Array:

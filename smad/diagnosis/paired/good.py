@@ -8,22 +8,33 @@ from dataclasses import dataclass
 import numpy as np
 
 from smad.arrays import Index
-from smad.diagnosis.constants import shipped
 from smad.diagnosis.data.grid import PERIOD_S
-from smad.diagnosis.data.noise import row_noise
+from smad.diagnosis.data.noise import resolution, row_noise
 from smad.diagnosis.data.played import Played, predictions, slopes
 from smad.diagnosis.data.rows import Binned, bin_numbers, binned, offset_s, require_like_inputs
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.paired.floor import Deviation, Floor, repeat_floor
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
-from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_point, traits_of
+from smad.diagnosis.plant import (
+    Array,
+    Effect,
+    Mask,
+    ModelPoint,
+    PlantModel,
+    nominal_point,
+    traits_of,
+)
 from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, Trial
 from smad.diagnosis.rivals.fit import fit_from_several, reference_at
-from smad.diagnosis.rivals.rival import free_model, tempered_constants, with_tempered_prior
+from smad.diagnosis.rivals.rival import question_of, with_tempered_prior
+from smad.diagnosis.rivals.search import run_search
 from smad.diagnosis.runs import GapRun, bridged
+from smad.progress import Say, silent
 
+MOST_OF_GOOD = 2
+"""Parts that may enter on the good runs: two explain most, and the rest becomes floor."""
 _CLOCK_SD_S = 0.004
 _CARRIED_SD = 0.4
 """Relative error of a difference that the model carries over, before good runs measure it: that of
@@ -149,15 +160,22 @@ def _regime_numbers(plant: PlantModel, run: GapRun, played: Played) -> tuple[Arr
 
 
 def good_runs(
-    plant: PlacesPlant, groups: Sequence[Sequence[GapRun]], period_s: float = PERIOD_S
+    plant: PlacesPlant,
+    groups: Sequence[Sequence[GapRun]],
+    effects: Sequence[Effect],
+    period_s: float = PERIOD_S,
+    say: Say = silent,
 ) -> GoodRuns:
     """Good runs from groups of recordings of the same inputs, in rows of `period_s`.
 
-    Raises PairingError when the recordings of a group do not have the same inputs.
+    Their model has what they show of `effects`. Raises PairingError when the recordings of a group
+    do not have the same inputs.
     """
     repeated = [_on_one_grid(plant, group, period_s) for group in groups]
-    noise = row_noise([run for group in groups for run in group], plant, period_s)
-    point = _fitted_point(plant, repeated)
+    recordings = [run for group in groups for run in group]
+    noise = row_noise(recordings, plant, period_s)
+    floors = np.hypot(noise, resolution(recordings, plant))
+    point = _good_point(plant, repeated, floors, effects, say)
     played = [r.played for r in repeated]
     J = slopes(plant, point, played)
     base = predictions(plant, point, played, exact=True)
@@ -213,19 +231,31 @@ def good_runs(
     )
 
 
-def _fitted_point(plant: PlacesPlant, repeated: Sequence[_Repeats]) -> ModelPoint:
-    """The parameters fitted to the means of good runs, as those of any rival."""
-    least = least_sd(plant)
+def _good_point(
+    plant: PlacesPlant,
+    repeated: Sequence[_Repeats],
+    floors: Array,
+    effects: Sequence[Effect],
+    say: Say,
+) -> ModelPoint:
+    """The parameters, and the effects of the library, that the means of good runs show.
+
+    What a simulator lacks distorts what it says of a change. A law would distort other changes.
+    """
     trials = []
     for r in repeated:
         mean, count = mean_of(r.values, r.valid)
-        trials.append(Trial(played=r.played, target=mean, rows=RunRows.of(least, count > 0)))
+        trials.append(Trial(played=r.played, target=mean, rows=RunRows.of(floors, count > 0)))
     evidence = Evidence(trials=tuple(trials))
-    constants = tempered_constants(shipped(), free=True, channels=evidence.recorded)
-    model = with_tempered_prior(free_model(plant, nominal_point(plant)), evidence, constants)
+    question = question_of(plant, nominal_point(plant), evidence, effects=effects, say=say)
+    model = with_tempered_prior(question.model, evidence, question.constants)
     nominal = reference_at(evidence, model, np.zeros(model.parameters))
-    fitted = nominal and fit_from_several(evidence, nominal)
-    return fitted.point if fitted else model.start
+    fitted = fit_from_several(evidence, nominal) if nominal else None
+    if fitted is None:
+        return question.model.start
+    around = question_of(plant, fitted.point, evidence, effects=effects, say=say)
+    found = run_search(around, most=MOST_OF_GOOD, exchange=False, laws=False).final.fit
+    return found.point if found else fitted.point
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -53,13 +53,15 @@ class Step:
     entered: Rival | None
 
 
-def run_search(question: Question, *, most: int = MOST_CAUSES, exchange: bool = True) -> Search:
+def run_search(
+    question: Question, *, most: int = MOST_CAUSES, exchange: bool = True, laws: bool = True
+) -> Search:
     """Take steps until nothing more is likeliest, or `most` parts have entered.
 
-    `exchange`: after each step earlier parts may be exchanged. Raises GapError where the model
-    cannot replay the runs.
+    `exchange`: after each step earlier parts may be exchanged. `laws`: parts may be laws. Raises
+    GapError where the model cannot replay the runs.
     """
-    search = Search.start(question, exchange)
+    search = Search.start(question, exchange, laws)
     done = False
     while not done and len(search.parts) < most:
         done = search.step().entered is None or question.at_floor(search.final)
@@ -94,10 +96,11 @@ class Search:
     moved: bool
     responses: Responses | None
     exchange: bool
+    laws: bool
     imitated_effects: tuple[Rival, ...] = ()
 
     @classmethod
-    def start(cls, question: Question, exchange: bool) -> Search:
+    def start(cls, question: Question, exchange: bool, laws: bool) -> Search:
         """A search before its first step: the parameters are fitted. Raises GapError."""
         e, free = question.evidence, question.model
         tied = free if question.tied is None else free.with_precision(question.tied)
@@ -128,6 +131,7 @@ class Search:
             moved=question.tied is None,
             responses=question.responses,
             exchange=exchange,
+            laws=laws,
         )
 
     @property
@@ -326,7 +330,7 @@ class Search:
             fits.begin(EFFECT, base, part, start)
         rivals = fits.rivals()
         best = max(rivals, key=lambda r: r.scores.sum(), default=None)
-        if best is not None and question.at_floor(best):
+        if not self.laws or (best is not None and question.at_floor(best)):
             return rivals
         question.say("laws of the places")
         if self.responses is None:
