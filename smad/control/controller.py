@@ -26,16 +26,8 @@ from smad.control.modes import (
     TemperatureMode,
 )
 from smad.control.sample import Sample
+from smad.control.setpoint import Output
 from smad.errors import CommandError
-
-
-class Output(msgspec.Struct, frozen=True, gc=False):
-    """What the board is to apply. Pairs are (x, y). `stage_m` is None while no stage is moved."""
-
-    i_A: tuple[float, float] = (0.0, 0.0)
-    pump_duty: tuple[float, float] = (0.0, 0.0)
-    drain: tuple[bool, bool] = (False, False)
-    stage_m: float | None = None
 
 
 class Controller:
@@ -138,23 +130,18 @@ class Controller:
         if not self._armed:
             self._armed = True
             self._limits.rearm()
-        demand = self._mode.step(sample, dt_s)
+        wanted = self._mode.step(sample, dt_s)
         mode = self._mode
         if mode.done and isinstance(mode, CurrentMode | InputsMode):
             if isinstance(mode, InputsMode):
                 self.departure = mode.departure
             self._mode = IdleMode()
         i_A = self._limits.apply(
-            sample, demand.i_x_A, demand.i_y_A, min(dt_s, LONGEST_STEP_S), staged=self._stage.in_use
+            sample, *wanted.i_A, min(dt_s, LONGEST_STEP_S), staged=self._stage.in_use
         )
         if self._limits.trip is not None:
             return self._stop()
-        self._output = Output(
-            i_A,
-            (demand.pump_x_duty, demand.pump_y_duty),
-            (demand.drain_x, demand.drain_y),
-            self._stage.step(dt_s),
-        )
+        self._output = Output(i_A, wanted.pump_duty, wanted.drain, self._stage.step(dt_s))
         return self._output
 
     def _elapsed(self, sample: Sample) -> float:

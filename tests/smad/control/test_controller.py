@@ -19,9 +19,10 @@ from smad.control.commands import (
     Step,
     Tune,
 )
-from smad.control.controller import Controller, Output
+from smad.control.controller import Controller
 from smad.control.inforce import tune_of
 from smad.control.limits import HostLimit
+from smad.control.setpoint import Output
 from smad.errors import CommandError
 
 from .helpers import drive, sample
