@@ -22,12 +22,13 @@ from smad.control.modes import (
     CurrentMode,
     DisplacementMode,
     IdleMode,
-    Mode,
     TemperatureMode,
 )
 from smad.control.sample import Sample
 from smad.control.setpoint import Output
 from smad.errors import CommandError
+
+Mode = IdleMode | DisplacementMode | TemperatureMode | CurrentMode | InputsMode
 
 
 class Controller:

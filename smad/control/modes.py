@@ -1,7 +1,10 @@
-"""What each mode asks for, sample by sample. The controller owns limits, time and mode changes."""
+"""What each mode asks for, sample by sample. The controller owns limits, time and mode changes.
+
+`name` is what telemetry and run log call it; `done` says whether it has ended by itself; `step`
+gives what the board is to apply, before host limits.
+"""
 
 import math
-from typing import Protocol
 
 from smad.config import ControlConfig, LimitsConfig, TemperatureConfig
 from smad.control.commands import DriveCurrent, Follow, HoldTemperature, Tune
@@ -16,20 +19,6 @@ from smad.control.trajectories import ReferenceQueue
 LONGEST_STEP_S = 0.1
 """After a longer silence the trajectories go on with the board's time, but the integrals do not
 take in an error that was measured once as if it had lasted so long."""
-
-
-class Mode(Protocol):
-    """One way to run the pair. A step gives what the board is to apply, before host limits."""
-
-    @property
-    def name(self) -> str:
-        """What the mode is called in telemetry and run log."""
-
-    @property
-    def done(self) -> bool:
-        """Whether it has ended by itself."""
-
-    def step(self, sample: Sample, dt_s: float) -> Output: ...
 
 
 class IdleMode:
