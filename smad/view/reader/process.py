@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Any, ParamSpec, TypeVar
 
-from smad.errors import SmadError
+from smad.errors import SmadError, first_line
 from smad.extras import missing
 from smad.processes import oom
 from smad.processes.parent import begin_worker
@@ -45,8 +45,9 @@ class ReaderProcess:
                     failed, result = await asyncio.to_thread(_answered, self._running(), request)
             except (OSError, EOFError, TimeoutError) as error:
                 self.close()
+                why = "it has ended" if isinstance(error, EOFError) else first_line(error)
                 raise ReaderError(
-                    f"the page's reader did not answer ({error or type(error).__name__})",
+                    f"the page's reader did not answer ({why})",
                     limit=f"{PATIENCE_S:g} s",
                     action="try again",
                 ) from error
