@@ -179,6 +179,11 @@ def in_words(unit: str) -> str:
     return "" if unit == "1" else re.sub(r"degC|deg|Ohm|um|pct", lambda part: _READ[part[0]], unit)
 
 
+def quantity(name: str, value: float) -> str:
+    """A value as a person reads it, with the unit that its name ends with: `3 A` for `i_x_A`."""
+    return f"{value:.10g} {in_words(unit_of(name))}".rstrip()
+
+
 def range_in_words(low: float, high: float, unit: str = "", *, above: bool = False) -> str:
     """A range as a person reads it: `1 to 5 mm`, `at least 1 mm`; `above`: without its lower end.
 
