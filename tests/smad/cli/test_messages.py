@@ -47,7 +47,12 @@ from smad.errors import SmadError
         ("demo --seed 5s", "'5s' is not a whole number. See"),
         ("run endurance --cycles 9 --end-place 5", "'5' is not above 0, up to 1. See"),
         ("queue remove x", "'x' is not a whole number. See"),
-        ("params set cold_cC 3A", "'3A' is not a number. See"),
+        (
+            "params set cold_cC 3A",
+            "'3A': give it in cC, alone or with K, degC (°C), degF (°F), cC.",
+        ),
+        ("params set jump_cC 40F", "'40F': give it in cC or °C"),
+        ("params set cold_cC warm", "'warm' is not a number of cC. See"),
         ("record last --seconds soon", "'soon' is not a number of s"),
     ],
 )
