@@ -175,11 +175,11 @@ class Controller:
 
     def _drive_current(self, command: DriveCurrent) -> None:
         limit_A = self._config.current_limit_A
-        for name in ("i_x_A", "i_y_A"):
-            if getattr(command, name) > limit_A:
+        for spring, current_A in (("X", command.i_x_A), ("Y", command.i_y_A)):
+            if current_A > limit_A:
                 raise CommandError(
-                    f"{name} is above the host's limit",
-                    value=getattr(command, name),
+                    f"the current in spring {spring} is above the host's limit",
+                    value=f"{current_A:g} A",
                     limit=f"up to {limit_A:g} A (control.current_limit_A)",
                     action="ask for less, or raise the limit in the configuration",
                 )
@@ -202,8 +202,8 @@ class Controller:
         limit_degC = self._limits_config.temperature_max_degC
         if command.temperature_degC > limit_degC:
             raise CommandError(
-                "temperature_degC is above the host's limit",
-                value=command.temperature_degC,
+                "the temperature is above the host's limit",
+                value=f"{command.temperature_degC:g} °C",
                 limit=f"up to {limit_degC:g} °C (limits.temperature_max_degC)",
                 action="ask for less, or raise the limit in the configuration",
             )

@@ -37,13 +37,13 @@ def require_playable(command: FollowInputs, current_limit_A: float) -> None:
                 value=f"t_s[{k}] = {begin:g}, then {end:g}",
                 action="sort the rows",
             )
-    for name in ("i_x_A", "i_y_A"):
-        highest = max(getattr(command, name))
-        if highest > current_limit_A:
-            row = getattr(command, name).index(highest)
+    for spring, currents_A in (("X", command.i_x_A), ("Y", command.i_y_A)):
+        highest_A = max(currents_A)
+        if highest_A > current_limit_A:
+            begin_s = command.t_s[currents_A.index(highest_A)]
             raise CommandError(
-                f"{name} is above the host's limit at {command.t_s[row]:g} s",
-                value=highest,
+                f"the current in spring {spring} is above the host's limit at {begin_s:g} s",
+                value=f"{highest_A:g} A",
                 limit=f"up to {current_limit_A:g} A (control.current_limit_A)",
                 action="repeat another run, or raise the limit in the configuration",
             )
