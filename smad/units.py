@@ -176,7 +176,15 @@ def alternatives(unit: str) -> str:
 
 def in_words(unit: str) -> str:
     """A unit as a person reads it, "°C/s" for "degC/s"; empty for numbers without one."""
-    return "" if unit == "1" else re.sub(r"degC|deg|Ohm|um|pct", lambda part: _READ[part[0]], unit)
+    if unit == "1":
+        return ""
+    written = rf"{'|'.join(_READ)}|\bu(?=[msNAV]\b|Ohm)"
+    return re.sub(written, lambda part: _READ.get(part[0], "µ"), unit)
+
+
+def quantity(name: str, value: float) -> str:
+    """A value as a person reads it, with the unit that its name ends with: `3 A` for `i_x_A`."""
+    return f"{value:.10g} {in_words(unit_of(name))}".rstrip()
 
 
 def range_in_words(low: float, high: float, unit: str = "", *, above: bool = False) -> str:
@@ -194,7 +202,9 @@ def range_in_words(low: float, high: float, unit: str = "", *, above: bool = Fal
     return f"{low:.10g} to {high:.10g}{suffix}"
 
 
-_READ = {"degC": "°C", "deg": "°", "Ohm": "Ω", "um": "µm", "pct": "%"}
+_READ = {
+    "degC": "°C", "deg": "°", "Ohm": "Ω", "pct": "%", "permille": "‰", "A2s": "A² s"
+}  # fmt: skip
 
 NO_BREAK = "\u00a0"
 _SHOWN = (*_ALL.values(), "min", "h", "g", "L", "floors", "MB")

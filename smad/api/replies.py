@@ -8,6 +8,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType, structs
 
 from smad.control.commands import Tune
 from smad.runlog.schema import Row
+from smad.units import in_words
 
 
 class Percentiles(Struct, frozen=True):
@@ -39,7 +40,10 @@ class Entry(Struct, frozen=True):
     ] = ""
 
 
-READ_AS = {"cC": ("°C", 0.01), "cC/s": ("°C/s", 0.01), "mA": ("A", 1e-3), "mV": ("V", 1e-3)}
+READ_AS = {
+    "cC": ("°C", 0.01), "cC/s": ("°C/s", 0.01), "mA": ("A", 1e-3), "mV": ("V", 1e-3),
+    "mJ": ("J", 1e-3), "us": ("s", 1e-6), "uN": ("mN", 1e-3), "nm": ("µm", 1e-3)
+}  # fmt: skip
 """Units of the wire, what a person reads in their place, and how many of these one of them is."""
 
 
@@ -62,7 +66,7 @@ class Fault(Struct, frozen=True, kw_only=True):
         return f"{self.name}{where}{seen}{limit}"
 
     def _in_unit(self, value: float) -> str:
-        unit, scale = READ_AS.get(self.unit, (self.unit, 1.0))
+        unit, scale = READ_AS.get(self.unit, (in_words(self.unit), 1.0))
         return f"{value * scale:g} {unit}".rstrip()
 
 
@@ -331,7 +335,7 @@ class Param(Struct, frozen=True, kw_only=True):
 
     def in_words(self) -> str:
         """Return its value as it is named and set, and as a person reads it."""
-        raw = f"{self.value:.10g} {self.unit}".rstrip()
+        raw = f"{self.value:.10g} {in_words(self.unit)}".rstrip()
         if self.unit not in READ_AS:
             return raw
         unit, scale = READ_AS[self.unit]

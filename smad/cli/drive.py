@@ -21,6 +21,7 @@ from smad.cli.options import (
 from smad.cli.output import carry_out, client
 from smad.cli.quantity import Quantity
 from smad.control.commands import DriveCurrent, HoldTemperature
+from smad.view.terminal.progress import note
 
 _SPRING = click.Choice(["x", "y"], case_sensitive=False)
 
@@ -51,19 +52,6 @@ def estop(bench: str = bench_option) -> None:
     with client(bench) as bench_client:
         bench_client.estop()
     click.echo("ESTOP sent: everything is off until you switch the board off and on again")
-
-
-def _duty(ctx: click.Context, param: click.Parameter, value: str) -> float:
-    """Return the share of full power: given as 0 to 1, or as a percentage with its sign."""
-    try:
-        duty = float(value.removesuffix("%")) / (100.0 if value.endswith("%") else 1.0)
-    except ValueError:
-        raise click.BadParameter(
-            f"{value!r} is no duty; give 0 to 1, or 0% to 100%", ctx, param
-        ) from None
-    if not 0.0 <= duty <= 1.0:
-        raise click.BadParameter(f"{value} is not within 0 to 1 (0% to 100%)", ctx, param)
-    return duty
 
 
 @click.command(cls=Command)
@@ -131,7 +119,7 @@ def current(
 @click.command(cls=Command, context_settings=NEGATIVE)
 def pump(
     spring: str = argument(_SPRING, metavar="SPRING"),
-    duty: float = argument(callback=_duty),
+    duty: float = argument(Quantity("1", 0.0, 1.0), metavar="DUTY"),
     duration_s: float | None = option("--for S", "End after this time.", Quantity("s")),
     wait: bool = wait_option,
     bench: str = axis_option,
@@ -155,11 +143,15 @@ def _begin(
     what: str,
 ) -> None:
     """Check a command by what was `typed` for its fields, begin it, and wait for its end."""
+    from smad.view.terminal.status_lines import below_surroundings
+
     checked(command, typed)
     with client(bench) as bench_client:
         if isinstance(command, DriveCurrent):
             carry_out(bench_client, bench_client.current, command, wait=wait, what=what)
         else:
+            if too_cold := below_surroundings(bench_client.status(), command.temperature_degC):
+                note(f"smad: {too_cold}; give a higher one, or end the cooling with smad idle")
             carry_out(bench_client, bench_client.heat, wait=wait, what=what, **asdict(command))
 
 

@@ -5,6 +5,7 @@ import click
 from smad.cli import complete
 from smad.cli.options import NEGATIVE, Group, argument, axis_option
 from smad.cli.output import client
+from smad.cli.quantity import Quantity, typed_units
 from smad.view.terminal.tables import print_columns
 
 
@@ -32,13 +33,29 @@ def get(name: str = argument(shell_complete=complete.parameters), bench: str = a
         click.echo(bench_client.get_param(name).in_words())
 
 
+def _in_its_unit(ctx: click.Context, param: click.Parameter, typed: str) -> float:
+    """Return the number in the unit of the parameter that is named."""
+    from firmware_protocol.parameters import BY_NAME
+
+    parameter = BY_NAME.get(ctx.params["name"])
+    number = Quantity(parameter.unit if parameter else "").convert(typed, param, ctx)
+    if typed_units(ctx).get(param.name) in ("K", "degF"):
+        # Some are differences, for which a kelvin and a degree Fahrenheit have another zero.
+        raise click.BadParameter(f"{typed!r}: give it in cC or °C", ctx, param)
+    # The board's are whole numbers; 95 °C are 9500 cC, and no 9499.99999999999.
+    return round(number, 6)
+
+
 @params.command("set", context_settings=NEGATIVE)
 def set_command(
     name: str = argument(shell_complete=complete.parameters),
-    value: float = argument(float),
+    value: float = argument(callback=_in_its_unit),
     bench: str = axis_option,
 ) -> None:
-    """Change one parameter while not armed. `smad params save` keeps it over a power cycle."""
+    """Change one parameter while not armed. `smad params save` keeps it over a power cycle.
+
+    VALUE is in the unit that `smad params list` shows; another unit may stand behind it: 3A.
+    """
     with client(bench) as bench_client:
         param = bench_client.set_param(name, value)
     click.echo(f"{name} = {param.in_words()}; not yet kept over a power cycle (smad params save)")

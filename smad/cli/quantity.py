@@ -31,7 +31,9 @@ class Quantity(click.FloatRange):
 
     def _describe_range(self) -> str:
         # The help shows it, and would write a range as `0.1<=x<=180.0`.
-        return range_in_words(self.low, self.high, self.unit, above=self.min_open)
+        words = range_in_words(self.low, self.high, self.unit, above=self.min_open)
+        ratio = self.unit == "1" and not self.min_open and math.isfinite(self.high - self.low)
+        return f"{words} ({self.low:.0%} to {self.high:.0%})" if ratio else words
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None

@@ -26,7 +26,6 @@ from smad.view.terminal.tables import print_columns
 
 if TYPE_CHECKING:
     from smad.queue import Queue
-    from smad.queue.states import Snapshot
 
 _ANYTHING = {"ignore_unknown_options": True, "allow_interspersed_args": False}
 
@@ -105,7 +104,7 @@ def list_items(
     opened: Queue = _queue,
 ) -> None:
     """Show the items and the state of the queue."""
-    from smad.queue.words import state_in_words
+    from smad.queue.words import ITEMS, item_rows, state_in_words
 
     snapshot, runner = opened.snapshot(), opened.has_runner
     logs = {item.id: opened.store.logs(item.id) for item in snapshot.items}
@@ -114,15 +113,9 @@ def list_items(
 
         print_json({**msgspec.to_builtins(snapshot), "runner": runner, "logs": logs}, indent=-1)
         return
-    _print_items(snapshot, everything=everything)
-    click.echo(state_in_words(snapshot, runner=runner))
-
-
-def _print_items(snapshot: Snapshot, *, everything: bool) -> None:
-    from smad.queue.words import ITEMS, item_rows
-
     if rows := item_rows(snapshot, everything=everything):
         print_columns(ITEMS, rows)
+    click.echo(state_in_words(snapshot, runner=runner))
 
 
 @queue.command()
@@ -180,7 +173,7 @@ def resume(
     from smad.queue.arming import CONFIRM_WITHIN_S, earliest_end
     from smad.queue.queue import now_zoned
     from smad.queue.states import Budget
-    from smad.queue.words import limits_in_words, state_in_words
+    from smad.queue.words import ITEMS, item_rows, limits_in_words, state_in_words
 
     if code is not None:
         if (until, hours, energy_kJ, cycles) != (None,) * 4:
@@ -194,7 +187,7 @@ def resume(
         energy_J=None if energy_kJ is None else energy_kJ * 1e3, cycles=cycles, hours=hours
     )
     proposal = opened.propose(earliest_end(until, hours, now_zoned()), budget)
-    _print_items(opened.snapshot(), everything=False)
+    print_columns(ITEMS, item_rows(opened.snapshot(), everything=False))
     click.echo(
         f"{counted(len(proposal.arming.items), 'item')} until {limits_in_words(proposal.arming)}"
     )

@@ -3,7 +3,6 @@
 import shutil
 import sys
 import time
-from collections.abc import Iterable
 
 import click
 
@@ -37,13 +36,9 @@ def status(
             if as_json:
                 print_json(now, indent=-1)
             else:
-                _print((*lines(now), *other_benches(now.bench)))
+                width = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
+                for line in (*lines(now), *other_benches(now.bench)):
+                    click.echo(folded(line, width))
             if not watch:
                 return
             time.sleep(_REFRESH_S)
-
-
-def _print(facts: Iterable[str]) -> None:
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
-    for line in facts:
-        click.echo(folded(line, width))

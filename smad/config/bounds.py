@@ -55,8 +55,8 @@ def refusal_of(command: msgspec.Struct) -> tuple[str, str] | None:
     except msgspec.ValidationError as error:
         name, bound = field_and_words(str(error))
         unit, value = f" {units.in_words(units.unit_of(name))}".rstrip(), values.get(name)
-        number = f"{value:g}" if isinstance(value, int | float) else repr(value)
-        return name, f"{number}{unit}: {bound}{unit}"
+        told = units.quantity(name, value) if isinstance(value, int | float) else repr(value)
+        return name, f"{told}: {bound}{unit}"
     return None
 
 

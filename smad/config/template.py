@@ -1,5 +1,6 @@
 """A configuration as TOML text."""
 
+import json
 from collections.abc import Mapping
 from operator import attrgetter
 from typing import Any
@@ -47,25 +48,8 @@ def _assignment(name: str, value: Any) -> str:
 
 
 def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return _basic_string(value)
     if isinstance(value, Mapping):
-        pairs = ", ".join(
-            f"{_basic_string(name)} = {_toml(inner)}" for name, inner in value.items()
-        )
+        pairs = ", ".join(f"{_toml(name)} = {_toml(inner)}" for name, inner in value.items())
         return f"{{{pairs}}}"
-    if isinstance(value, tuple):
-        return "[" + ", ".join(_toml(item) for item in value) + "]"
-    return repr(value)
-
-
-def _basic_string(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(_escape(c) for c in escaped) + '"'
-
-
-def _escape(character: str) -> str:
-    code = ord(character)
-    return f"\\u{code:04x}" if code < 0x20 or code == 0x7F else character
+    # What JSON writes TOML reads, but for this one character.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

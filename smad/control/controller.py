@@ -22,20 +22,13 @@ from smad.control.modes import (
     CurrentMode,
     DisplacementMode,
     IdleMode,
-    Mode,
     TemperatureMode,
 )
 from smad.control.sample import Sample
+from smad.control.setpoint import Output
 from smad.errors import CommandError
 
-
-class Output(msgspec.Struct, frozen=True, gc=False):
-    """What the board is to apply. Pairs are (x, y). `stage_m` is None while no stage is moved."""
-
-    i_A: tuple[float, float] = (0.0, 0.0)
-    pump_duty: tuple[float, float] = (0.0, 0.0)
-    drain: tuple[bool, bool] = (False, False)
-    stage_m: float | None = None
+Mode = IdleMode | DisplacementMode | TemperatureMode | CurrentMode | InputsMode
 
 
 class Controller:
@@ -138,23 +131,18 @@ class Controller:
         if not self._armed:
             self._armed = True
             self._limits.rearm()
-        demand = self._mode.step(sample, dt_s)
+        wanted = self._mode.step(sample, dt_s)
         mode = self._mode
         if mode.done and isinstance(mode, CurrentMode | InputsMode):
             if isinstance(mode, InputsMode):
                 self.departure = mode.departure
             self._mode = IdleMode()
         i_A = self._limits.apply(
-            sample, demand.i_x_A, demand.i_y_A, min(dt_s, LONGEST_STEP_S), staged=self._stage.in_use
+            sample, *wanted.i_A, min(dt_s, LONGEST_STEP_S), staged=self._stage.in_use
         )
         if self._limits.trip is not None:
             return self._stop()
-        self._output = Output(
-            i_A,
-            (demand.pump_x_duty, demand.pump_y_duty),
-            (demand.drain_x, demand.drain_y),
-            self._stage.step(dt_s),
-        )
+        self._output = Output(i_A, wanted.pump_duty, wanted.drain, self._stage.step(dt_s))
         return self._output
 
     def _elapsed(self, sample: Sample) -> float:
@@ -187,11 +175,11 @@ class Controller:
 
     def _drive_current(self, command: DriveCurrent) -> None:
         limit_A = self._config.current_limit_A
-        for name in ("i_x_A", "i_y_A"):
-            if getattr(command, name) > limit_A:
+        for spring, current_A in (("X", command.i_x_A), ("Y", command.i_y_A)):
+            if current_A > limit_A:
                 raise CommandError(
-                    f"{name} is above the host's limit",
-                    value=getattr(command, name),
+                    f"the current in spring {spring} is above the host's limit",
+                    value=f"{current_A:g} A",
                     limit=f"up to {limit_A:g} A (control.current_limit_A)",
                     action="ask for less, or raise the limit in the configuration",
                 )
@@ -214,8 +202,8 @@ class Controller:
         limit_degC = self._limits_config.temperature_max_degC
         if command.temperature_degC > limit_degC:
             raise CommandError(
-                "temperature_degC is above the host's limit",
-                value=command.temperature_degC,
+                "the temperature is above the host's limit",
+                value=f"{command.temperature_degC:g} °C",
                 limit=f"up to {limit_degC:g} °C (limits.temperature_max_degC)",
                 action="ask for less, or raise the limit in the configuration",
             )

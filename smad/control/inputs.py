@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from smad.config import RepeatConfig
 from smad.control.commands import FollowInputs
-from smad.control.modes import Demand
 from smad.control.pieces import COLUMNS, DRIVEN, READINGS
 from smad.control.sample import Sample
+from smad.control.setpoint import Output
 from smad.errors import CommandError
 from smad.units import in_words, parted_name
 
@@ -37,13 +37,13 @@ def require_playable(command: FollowInputs, current_limit_A: float) -> None:
                 value=f"t_s[{k}] = {begin:g}, then {end:g}",
                 action="sort the rows",
             )
-    for name in ("i_x_A", "i_y_A"):
-        highest = max(getattr(command, name))
-        if highest > current_limit_A:
-            row = getattr(command, name).index(highest)
+    for spring, currents_A in (("X", command.i_x_A), ("Y", command.i_y_A)):
+        highest_A = max(currents_A)
+        if highest_A > current_limit_A:
+            begin_s = command.t_s[currents_A.index(highest_A)]
             raise CommandError(
-                f"{name} is above the host's limit at {command.t_s[row]:g} s",
-                value=highest,
+                f"the current in spring {spring} is above the host's limit at {begin_s:g} s",
+                value=f"{highest_A:g} A",
                 limit=f"up to {current_limit_A:g} A (control.current_limit_A)",
                 action="repeat another run, or raise the limit in the configuration",
             )
@@ -140,7 +140,7 @@ class InputsMode:
         self._pieces.append(command)
         self._rows += len(command.t_s)
 
-    def step(self, sample: Sample, dt_s: float) -> Demand:
+    def step(self, sample: Sample, dt_s: float) -> Output:
         if math.isnan(self._t_s):
             self._t_s = at_s = 0.0
         else:
@@ -152,18 +152,18 @@ class InputsMode:
             self._rows -= len(self._pieces.popleft().t_s)
         if not self._pieces:
             self.done = True
-            return Demand()
+            return Output()
         piece = self._pieces[0]
         row = max(0, bisect_right(piece.t_s, at_s) - 1)
         self.departure = self._watch.step(piece, row, sample, self._t_s, dt_s)
         if self.departure is not None:
             self.done = True
-            return Demand()
-        return Demand(
-            piece.i_x_A[row],
-            piece.i_y_A[row],
-            piece.pump_x_duty[row],
-            piece.pump_y_duty[row],
-            bool(piece.drain_x) and piece.drain_x[row],
-            bool(piece.drain_y) and piece.drain_y[row],
+            return Output()
+        return Output(
+            (piece.i_x_A[row], piece.i_y_A[row]),
+            (piece.pump_x_duty[row], piece.pump_y_duty[row]),
+            (
+                bool(piece.drain_x) and piece.drain_x[row],
+                bool(piece.drain_y) and piece.drain_y[row],
+            ),
         )

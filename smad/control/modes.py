@@ -1,8 +1,10 @@
-"""What each mode asks for, sample by sample. The controller owns limits, time and mode changes."""
+"""What each mode asks for, sample by sample. The controller owns limits, time and mode changes.
+
+`name` is what telemetry and run log call it; `done` says whether it has ended by itself; `step`
+gives what the board is to apply, before host limits.
+"""
 
 import math
-from dataclasses import dataclass
-from typing import Protocol
 
 from smad.config import ControlConfig, LimitsConfig, TemperatureConfig
 from smad.control.commands import DriveCurrent, Follow, HoldTemperature, Tune
@@ -11,37 +13,12 @@ from smad.control.feedforward import Anticipation
 from smad.control.hold import Direction, PairTemperatureControl, QuietHold
 from smad.control.pi import PI
 from smad.control.sample import Sample
+from smad.control.setpoint import Output
 from smad.control.trajectories import ReferenceQueue
 
 LONGEST_STEP_S = 0.1
 """After a longer silence the trajectories go on with the board's time, but the integrals do not
 take in an error that was measured once as if it had lasted so long."""
-
-
-@dataclass(slots=True)
-class Demand:
-    """What a mode wants the board to do, before host limits. Pairs are (x, y)."""
-
-    i_x_A: float = 0.0
-    i_y_A: float = 0.0
-    pump_x_duty: float = 0.0
-    pump_y_duty: float = 0.0
-    drain_x: bool = False
-    drain_y: bool = False
-
-
-class Mode(Protocol):
-    """One way to run the pair."""
-
-    @property
-    def name(self) -> str:
-        """What the mode is called in telemetry and run log."""
-
-    @property
-    def done(self) -> bool:
-        """Whether it has ended by itself."""
-
-    def step(self, sample: Sample, dt_s: float) -> Demand: ...
 
 
 class IdleMode:
@@ -50,8 +27,8 @@ class IdleMode:
     name = "idle"
     done = True
 
-    def step(self, sample: Sample, dt_s: float) -> Demand:
-        return Demand()
+    def step(self, sample: Sample, dt_s: float) -> Output:
+        return Output()
 
 
 class DisplacementMode:
@@ -130,13 +107,13 @@ class DisplacementMode:
     def follow(self, command: Follow) -> None:
         self._queue.follow(command)
 
-    def step(self, sample: Sample, dt_s: float) -> Demand:
+    def step(self, sample: Sample, dt_s: float) -> Output:
         queue, hold = self._queue, self._hold
         error_m = queue.advance(dt_s) - sample.displacement_m
         if math.isnan(error_m):
             # No displacement, no feedback: better cold than blind.
             self._still()
-            return Demand()
+            return Output()
         dt_s = min(dt_s, LONGEST_STEP_S)
         was_quiet = hold.quiet
         followed_m = hold.step(queue.reference_m, error_m, dt_s)
@@ -158,7 +135,7 @@ class DisplacementMode:
         direction = self._direction.step(self._u_A, dt_s, forced)
         return self._split(direction, dt_s, sudden=forced != 0)
 
-    def _hold_still(self, followed_m: float, sample: Sample, dt_s: float) -> Demand:
+    def _hold_still(self, followed_m: float, sample: Sample, dt_s: float) -> Output:
         """The two parts of a quiet hold: arrive with one spring, then keep both as they are."""
         pi, config, before = self._pi, self._config, self._direction.sign
         warm_degC = (sample.rtd_degC[0], sample.rtd_degC[1])
@@ -187,9 +164,11 @@ class DisplacementMode:
         self._u_A = i_A[0] - i_A[1]
         pi.preset(self._u_A, followed_m)
         self._direction.reset(self._u_A)
-        return self._applied([*i_A], [0.0, 0.0], dt_s)
+        applied_A = [*i_A]
+        duty = self._water(applied_A, [0.0, 0.0], dt_s)
+        return Output((applied_A[0], applied_A[1]), duty, self._drained)
 
-    def _arrive(self, followed_m: float, direction: int, before: int, dt_s: float) -> Demand:
+    def _arrive(self, followed_m: float, direction: int, before: int, dt_s: float) -> Output:
         """One spring pulls, with less and less current."""
         pi = self._pi
         if direction != before:
@@ -199,7 +178,7 @@ class DisplacementMode:
         self._u_A = pi.step(followed_m, dt_s)
         return self._split(direction, dt_s)
 
-    def _split(self, direction: int, dt_s: float, *, sudden: bool = False) -> Demand:
+    def _split(self, direction: int, dt_s: float, *, sudden: bool = False) -> Output:
         """Current for the spring that pulls, water for the other."""
         pulling = 0 if direction > 0 else 1
         i_A, water_A = [0.0, 0.0], [0.0, 0.0]
@@ -208,22 +187,20 @@ class DisplacementMode:
             smooth_A = self._direction.demand_A * direction
             urgent = current_A >= self._urgent_A
             water_A[1 - pulling] = current_A if urgent else min(current_A, smooth_A)
-        demand = self._applied(i_A, water_A, dt_s, sudden=sudden)
-        heats = (demand.i_x_A > 0.0, demand.i_y_A > 0.0)
-        self._drained = (self._drain and heats[0], self._drain and heats[1])
-        demand.drain_x, demand.drain_y = self._drained
-        return demand
+        duty = self._water(i_A, water_A, dt_s, sudden=sudden)
+        self._drained = (self._drain and i_A[0] > 0.0, self._drain and i_A[1] > 0.0)
+        return Output((i_A[0], i_A[1]), duty, self._drained)
 
-    def _applied(
+    def _water(
         self, i_A: list[float], water_A: list[float], dt_s: float, *, sudden: bool = False
-    ) -> Demand:
-        """Currents, and water for what is asked of the other spring; where it runs heat waits."""
+    ) -> tuple[float, float]:
+        """Duties for what is asked of the other spring; where water runs, heat waits (`i_A`)."""
         duty = [0.0, 0.0]
         for k, pump in enumerate(self._pumps):
             duty[k] = pump.step(water_A[k], i_A[k], dt_s, sudden=sudden)
             if pump.running:
                 i_A[k] = 0.0
-        return Demand(i_A[0], i_A[1], duty[0], duty[1], *self._drained)
+        return duty[0], duty[1]
 
     def _still(self) -> None:
         for pump in self._pumps:
@@ -271,11 +248,11 @@ class TemperatureMode:
         if not math.isnan(spring_degC):
             self._pi.preset(i_now_A, self.target_degC - spring_degC)
 
-    def step(self, sample: Sample, dt_s: float) -> Demand:
+    def step(self, sample: Sample, dt_s: float) -> Output:
         self._move_target(dt_s)
         rtd_degC = sample.rtd_degC[self._spring]
         if math.isnan(rtd_degC):
-            return Demand()
+            return Output()
         error_K = self.target_degC - rtd_degC
         i_A = self._pi.step(error_K, min(dt_s, LONGEST_STEP_S))
         duty = 0.0
@@ -284,8 +261,8 @@ class TemperatureMode:
         elif self._command.use_water and self._water.step(-error_K, dt_s):
             duty = self._duty
         if self._spring == 0:
-            return Demand(i_x_A=i_A, pump_x_duty=duty)
-        return Demand(i_y_A=i_A, pump_y_duty=duty)
+            return Output((i_A, 0.0), (duty, 0.0))
+        return Output((0.0, i_A), (0.0, duty))
 
     def _move_target(self, dt_s: float) -> None:
         command = self._command
@@ -307,18 +284,15 @@ class CurrentMode:
     def __init__(self, command: DriveCurrent) -> None:
         self._command = command
         self._watched = 0 if command.stop_spring == "x" else 1
-        self._demand = Demand(
-            command.i_x_A,
-            command.i_y_A,
-            command.pump_x_duty,
-            command.pump_y_duty,
-            command.drain_x,
-            command.drain_y,
+        self._output = Output(
+            (command.i_x_A, command.i_y_A),
+            (command.pump_x_duty, command.pump_y_duty),
+            (command.drain_x, command.drain_y),
         )
         self._elapsed_s = 0.0
         self.done = False
 
-    def step(self, sample: Sample, dt_s: float) -> Demand:
+    def step(self, sample: Sample, dt_s: float) -> Output:
         command = self._command
         self._elapsed_s += dt_s
         rtd_degC = sample.rtd_degC[self._watched]
@@ -328,4 +302,4 @@ class CurrentMode:
             or (command.stop_below_degC is not None and rtd_degC <= command.stop_below_degC)
         ):
             self.done = True
-        return Demand() if self.done else self._demand
+        return Output() if self.done else self._output

@@ -5,9 +5,11 @@ daemon around them. Nothing here reads a clock, so the same bench, controller an
 run to the last bit.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from firmware_protocol.enums import BoardState, faults_in
 from firmware_protocol.messages import Setpoint, State
@@ -19,22 +21,15 @@ from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
 from smad.control.setpoint import setpoint_of
 
+if TYPE_CHECKING:
+    from sim_device.bench import SimulatedBench
+
 Recorder = Callable[[Sample, State, Setpoint, float, float], None]
 """Called with each sample, the STATE behind it, the SETPOINT that answers it, the displacement
 reference in m and the temperature reference in °C (nan where there is none)."""
 
 Progress = Callable[[float], None]
 """Called about once a second of board time with that time, s."""
-
-
-class TypedBench(Protocol):
-    """A simulated bench without the serial line, such as `sim_device.bench.SimulatedBench`."""
-
-    def step_typed(self, setpoint: Setpoint | None) -> State:
-        """Apply a setpoint, advance by one sample, return its STATE."""
-
-    def arm(self) -> None:
-        """Arm as a host would."""
 
 
 @dataclass
@@ -51,7 +46,7 @@ class _Stepper:
 
     def __init__(
         self,
-        bench: TypedBench,
+        bench: SimulatedBench,
         controller: Controller,
         recorder: Recorder | None,
         progress: Progress | None,
@@ -92,7 +87,7 @@ class _Stepper:
 
 
 def run_virtual(
-    bench: TypedBench,
+    bench: SimulatedBench,
     controller: Controller,
     plan: Plan,
     *,

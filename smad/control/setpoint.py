@@ -1,11 +1,21 @@
 """An output of the controller as the SETPOINT that goes to the board."""
 
+import msgspec
+
 from firmware_protocol.enums import SetpointFlag
 from firmware_protocol.messages import Setpoint
-from smad.control.controller import Output
 
 _DRAIN_X, _DRAIN_Y = SetpointFlag.DRAIN_X.value, SetpointFlag.DRAIN_Y.value
 _STAGE = SetpointFlag.STAGE.value
+
+
+class Output(msgspec.Struct, frozen=True, gc=False):
+    """What the board is to apply. Pairs are (x, y). `stage_m` is None while no stage is moved."""
+
+    i_A: tuple[float, float] = (0.0, 0.0)
+    pump_duty: tuple[float, float] = (0.0, 0.0)
+    drain: tuple[bool, bool] = (False, False)
+    stage_m: float | None = None
 
 
 def setpoint_of(output: Output, *, t_ref_us: int, axis: int = 0, ttl_ms: int = 100) -> Setpoint:

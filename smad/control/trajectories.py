@@ -15,6 +15,7 @@ from itertools import pairwise
 from operator import lt
 from typing import Any
 
+from smad import units
 from smad.config import LimitsConfig
 from smad.control.commands import (
     LONGEST_SAMPLES,
@@ -204,11 +205,11 @@ KINDS: dict[type, _Kind] = {
 
 
 def compile_piece(
-    piece: Trajectory, from_m: float, limits: LimitsConfig, where: str = "trajectory"
+    piece: Trajectory, from_m: float, limits: LimitsConfig, where: str = ""
 ) -> Compiled:
     """`piece` as a function of time, for a reference that stands at `from_m` before it.
 
-    Raises CommandError, naming the field under `where`, when the piece reaches beyond
+    Raises CommandError, naming the field behind `where`, when the piece reaches beyond
     `limits.displacement_max_mm` or moves faster than `limits.reference_rate_max_mm_per_s`.
     """
     kind = KINDS[type(piece)]
@@ -216,7 +217,7 @@ def compile_piece(
     reach_mm = max(abs(compiled.low_m), abs(compiled.high_m)) / MM
     if not reach_mm <= limits.displacement_max_mm + 1e-9:
         raise CommandError(
-            f"{where}.{kind.reach_field} takes the reference to {reach_mm:g} mm",
+            f"{where}{_blamed(piece, kind.reach_field)} takes the reference to {reach_mm:g} mm",
             value=_field_of(piece, kind.reach_field),
             limit=f"|displacement| up to {limits.displacement_max_mm:g} mm "
             "(limits.displacement_max_mm, or an axis's travel_mm)",
@@ -225,7 +226,8 @@ def compile_piece(
     speed_mm_per_s = compiled.speed_m_per_s / MM
     if not speed_mm_per_s <= limits.reference_rate_max_mm_per_s + 1e-9:
         raise CommandError(
-            f"{where}.{kind.speed_field} moves the reference at {speed_mm_per_s:g} mm/s",
+            f"{where}{_blamed(piece, kind.speed_field)} moves the reference at "
+            f"{speed_mm_per_s:g} mm/s",
             value=_field_of(piece, kind.speed_field),
             limit=f"up to {limits.reference_rate_max_mm_per_s:g} mm/s "
             "(limits.reference_rate_max_mm_per_s)",
@@ -234,9 +236,15 @@ def compile_piece(
     return compiled
 
 
-def _field_of(piece: Trajectory, name: str) -> Any:
+def _blamed(piece: Trajectory, name: str) -> str:
+    quantity, unit = units.parted_name(name)
+    kind = str(piece.__struct_config__.tag).replace("_", " ")
+    return f"the {quantity}{' frequency' * (unit == 'Hz')} of the {kind}"
+
+
+def _field_of(piece: Trajectory, name: str) -> str | None:
     value = getattr(piece, name)
-    return None if isinstance(value, tuple) else value
+    return None if isinstance(value, tuple) else units.quantity(name, value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -311,8 +319,10 @@ class ReferenceQueue:
         if command.queue:
             at_m = self._end_m
         compiled: list[Compiled] = []
-        for index, piece in enumerate(command.trajectories):
-            compiled.append(compile_piece(piece, at_m, self._limits, f"trajectories[{index}]"))
+        count = len(command.trajectories)
+        for number, piece in enumerate(command.trajectories, start=1):
+            where = f"piece {number} of {count}: " if count > 1 else ""
+            compiled.append(compile_piece(piece, at_m, self._limits, where))
             at_m = compiled[-1].end_m
         return compiled
 

@@ -92,7 +92,7 @@ class BoardStop:
         self._stopping_us = 0
         self._heating_until_us = self._clock_us()
         """Until then, by what was sent and heard, its own watchdog had no reason to begin."""
-        self._waiting: list[asyncio.Future[None]] = []
+        self._looked_at = asyncio.Event()
 
     @property
     def phase(self) -> Phase:
@@ -295,13 +295,9 @@ class BoardStop:
                     limit=f"{patience_us / 1e6:g} s",
                     action=f"{action}; if current still flows, cut the power",
                 )
-            waiting: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-            self._waiting.append(waiting)
-            await waiting
+            await self._looked_at.wait()
 
     def _look(self) -> None:
         """Let those who wait for the board look at it again."""
-        waiting, self._waiting = self._waiting, []
-        for future in waiting:
-            if not future.done():
-                future.set_result(None)
+        self._looked_at.set()
+        self._looked_at.clear()

@@ -13,10 +13,10 @@ from firmware_protocol.events import BoardRestarted, HostEvent, HostState, State
 from firmware_protocol.host import HostSession
 from firmware_protocol.messages import Setpoint, State
 from smad.config import LinkConfig
-from smad.control.controller import Controller, Output
+from smad.control.controller import Controller
 from smad.control.cooling import PumpStarts
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
-from smad.control.setpoint import setpoint_of
+from smad.control.setpoint import Output, setpoint_of
 from smad.daemon.histogram import Histogram
 from smad.daemon.services import Clocks
 from smad.daemon.trace import Trace

@@ -21,11 +21,6 @@ CONTRADICTIONS: Mapping[str, str] = {
 """By the key that `Comparison.contradiction` names."""
 
 
-def numbered() -> list[str]:
-    """The contradictions as lines, numbered from 1."""
-    return [f"{k}. {text}" for k, text in enumerate(CONTRADICTIONS.values(), 1)]
-
-
 def reference(key: str) -> str:
     """Where a row points to; raises KeyError for a key that is not in the table."""
     numbers = {name: k for k, name in enumerate(CONTRADICTIONS, 1)}

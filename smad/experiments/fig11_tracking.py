@@ -62,8 +62,8 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
             by_period = scores["air"].by_period
             good = next((k for k, r2 in enumerate(by_period) if r2 < LOST), len(by_period))
             air: Recording = runs["air"]
-            followed = air.t_s <= air.t_s[0] + good * period_s
-            r2 = tracking_r2(air["reference_mm"][followed], air["displacement_mm"][followed])
+            kept = air.t_s <= air.t_s[0] + good * period_s
+            r2 = tracking_r2(air["reference_mm"][kept], air["displacement_mm"][kept])
             comparisons.append(
                 Comparison(
                     f"Fig. 11: {course} in air",
@@ -98,7 +98,13 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
         return Findings(
             comparisons,
             (
-                _panels(runs),
+                Panels(
+                    [
+                        followed(run.t_s - run.t_s[0], run.columns, CONTROLS[name].name)
+                        for name, run in runs.items()
+                    ],
+                    caption="Displacement with each control.",
+                ),
                 Table(header, rows, numeric=frozenset({1, 2, 4, 5})),
                 Text(
                     "In air neither spring cools below M_S between two pulls. Both drift towards "
@@ -106,13 +112,3 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
                 ),
             ),
         )
-
-
-def _panels(runs: Mapping[str, Recording]) -> Panels:
-    return Panels(
-        [
-            followed(run.t_s - run.t_s[0], run.columns, CONTROLS[name].name)
-            for name, run in runs.items()
-        ],
-        caption="Displacement with each control.",
-    )

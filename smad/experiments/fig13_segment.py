@@ -7,7 +7,6 @@ import numpy as np
 from msgspec import Meta
 
 from sim_device.plant.parameters import ParameterSet
-from smad.arrays import Array
 from smad.config.axes import DEGREES_PER_MM
 from smad.control.commands import Follow, Step
 from smad.control.metrics import step_response
@@ -60,7 +59,7 @@ class Fig13Segment(Experiment[SegmentOptions]):
 
     def conclude(self, outcomes: Mapping[str, Any], model: ParameterSet) -> Findings:
         run: Recording = outcomes[self.name]
-        mm = run["displacement_mm"]
+        t, mm = run.t_s - run.t_s[0], run["displacement_mm"]
         angle = model["robot_gain"] * 1e-3 * mm
         last = self.options.cycles
         up = run.between(f"up {last}", f"middle {last}")
@@ -83,16 +82,15 @@ class Fig13Segment(Experiment[SegmentOptions]):
                 ),
             ),
             (
-                _panels(run, angle),
+                Panels(
+                    [
+                        followed(t, run.columns),
+                        Panel("Angle", "°", 1, [Trace("angle of the segment", t, angle, "main")]),
+                    ]
+                ),
                 Text(
                     "A camera measured the angle in the paper. Here it follows from the "
                     "displacement by the gain alone: the robot's own elasticity is not modelled."
                 ),
             ),
         )
-
-
-def _panels(run: Recording, angle_deg: Array) -> Panels:
-    t = run.t_s - run.t_s[0]
-    angle = Trace("angle of the segment", t, angle_deg, "main")
-    return Panels([followed(t, run.columns), Panel("Angle", "°", 1, [angle])])

@@ -187,32 +187,25 @@ def block_of(recording: Recording, model: ParameterSet, stage_m: float) -> Block
     )
 
 
-def martensite_heating(block: Block, model: ParameterSet) -> Array:
-    """ξ on heating from stress at a fixed deflection: Eq. (9) with ξ_S and ξ in a fixed ratio.
+def fractions(block: Block, model: ParameterSet) -> tuple[Array, Array]:
+    """ξ on heating, and ξ = ξ_S on cooling, from stress at a fixed deflection, Eq. (9).
 
-    The detwinned part of the deflection at rest is δ − F/k_M, Eq. (10).
+    On heating ξ_S and ξ keep their ratio, and of the deflection at rest δ − F/k_M is detwinned,
+    Eq. (10).
     """
     c1, _ = spring_factors(model)
     k_m, k_a = stiffnesses(model)
-    detwinned_m = block.deflection_m - block.rest_stress_Pa / c1 / k_m
-    return _fraction(block.heating.stress_Pa / c1, k_a, k_a - k_m, block.deflection_m, detwinned_m)
+    at_rest_m = block.deflection_m - block.rest_stress_Pa / c1 / k_m
 
+    def fraction(branch: Branch, reach_m: float) -> Array:
+        """The smaller root ξ of F = (k_A − soft·ξ)(δ − reach·ξ); nan where there is none."""
+        soft = k_a - k_m
+        a, b = soft * reach_m, -(k_a * reach_m + soft * block.deflection_m)
+        root = b * b - 4.0 * a * (k_a * block.deflection_m - branch.stress_Pa / c1)
+        with np.errstate(invalid="ignore"):
+            return (-b - np.sqrt(root)) / (2.0 * a)
 
-def martensite_cooling(block: Block, model: ParameterSet) -> Array:
-    """ξ = ξ_S on cooling from austenite, from stress at a fixed deflection, Eq. (9)."""
-    c1, _ = spring_factors(model)
-    k_m, k_a = stiffnesses(model)
-    return _fraction(
-        block.cooling.stress_Pa / c1, k_a, k_a - k_m, block.deflection_m, model["max_deflection"]
-    )
-
-
-def _fraction(force: Array, k_a: float, soft: float, delta: float, reach: float) -> Array:
-    """The smaller root ξ of F = (k_A − soft·ξ)(δ − reach·ξ); nan where there is none."""
-    a, b = soft * reach, -(k_a * reach + soft * delta)
-    root = b * b - 4.0 * a * (k_a * delta - force)
-    with np.errstate(invalid="ignore"):
-        return (-b - np.sqrt(root)) / (2.0 * a)
+    return fraction(block.heating, at_rest_m), fraction(block.cooling, model["max_deflection"])
 
 
 def _progress(left: Array) -> Array:
@@ -225,10 +218,8 @@ def reverse_lines(blocks: Sequence[Block], model: ParameterSet) -> list[Estimate
 
     Linear least squares over both prestresses; intervals by block bootstrap within each run.
     """
-    rows: list[Array] = []
-    for block in blocks:
-        xi = martensite_heating(block, model)
-        rows.append(_used(block.heating, xi, left=xi))
+    fraction = [fractions(block, model)[0] for block in blocks]
+    rows = [_used(b.heating, xi, left=xi) for b, xi in zip(blocks, fraction, strict=True)]
     data, groups = _stacked(rows, "heating")
 
     def fit(chosen: Index) -> Sequence[float]:
@@ -247,12 +238,13 @@ def forward_lines(blocks: Sequence[Block], model: ParameterSet) -> list[Estimate
 
     Above M_S only. The intercept holds τ_s − C_M M_S, so M_S rests on the τ_s of `model`.
     """
-    rows: list[Array] = []
-    for block in blocks:
-        xi = martensite_cooling(block, model)
-        # Eq. (13) holds above M_S only; two kelvin keep clear of it whatever M_S turns out to be.
-        above_K = model["martensite_start"] + 2.0
-        rows.append(_used(block.cooling, xi, left=1.0 - xi, above_K=above_K))
+    # Eq. (13) holds above M_S only; two kelvin keep clear of it whatever M_S turns out to be.
+    above_K = model["martensite_start"] + 2.0
+    fraction = [fractions(block, model)[1] for block in blocks]
+    rows = [
+        _used(b.cooling, xi, left=1.0 - xi, above_K=above_K)
+        for b, xi in zip(blocks, fraction, strict=True)
+    ]
     data, groups = _stacked(rows, "cooling")
     stress_start = model["stress_start"] * 1e-6
     width = (model["stress_finish"] - model["stress_start"]) * 1e-6
@@ -299,9 +291,10 @@ def four_points(blocks: Sequence[Block], model: ParameterSet) -> Table:
     rows = []
     for block in blocks:
         cells = [f"{block.deflection_m * 1e3:.0f} mm"]
+        heating, cooling = fractions(block, model)
         for xi, branch, marks in (
-            (martensite_heating(block, model), block.heating, (0.98, 0.02)),
-            (martensite_cooling(block, model), block.cooling, (0.02, 0.98)),
+            (heating, block.heating, (0.98, 0.02)),
+            (cooling, block.cooling, (0.02, 0.98)),
         ):
             for mark in marks:
                 k = int(np.nanargmin(np.abs(xi - mark)))

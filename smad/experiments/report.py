@@ -9,7 +9,7 @@ from typing import Any
 from sim_device.plant.parameters import ParameterSet, parameters_text
 from smad.experiments.base import Comparison
 from smad.experiments.campaign import CampaignResult
-from smad.experiments.contradictions import numbered, reference
+from smad.experiments.contradictions import CONTRADICTIONS, reference
 from smad.experiments.estimate import Estimate
 from smad.files import named_output
 from smad.report.page import Code, Fold, Page, Section, Table, Text, write_page
@@ -124,7 +124,7 @@ def campaign_page(
     sections.append(
         Section(
             "Contradictions in the paper",
-            tuple(Text(line) for line in numbered()),
+            [Text(f"{k}. {text}") for k, text in enumerate(CONTRADICTIONS.values(), 1)],
             "contradictions",
         )
     )

@@ -14,12 +14,12 @@ PLACES: Mapping[str, str] = {
 }
 """File beside this module -> folder under the root of the system."""
 PROGRAM = "/opt/smad/bin/smad"
-"""What the units start where `content` gets no other program."""
+"""What stands in the files for the program that they start."""
 
 
-def content(name: str, program: str = "") -> str:
-    """Return a service file that starts `program`, by default the `smad` of this Python."""
-    program = program or str(Path(sys.prefix) / "bin" / "smad")
+def content(name: str) -> str:
+    """Return a service file that starts the `smad` of this Python."""
+    program = str(Path(sys.prefix) / "bin" / "smad")
     return Path(__file__).with_name(name).read_text("utf-8").replace(PROGRAM, program)
 
 

@@ -15,17 +15,17 @@ from smad.runlog.schema import TOPICS, Row, row_topic
 from smad.runlog.writer import END_METADATA_NAME, create_log
 
 
-def extract(path: str | Path, axis: str, target: str | Path | None = None) -> Path:
+def extract(path: str | Path, axis: str) -> Path:
     """Write the samples of one axis, with all events, to a new log; return its path.
 
-    The configuration in its header is that of the axis. By default it stands beside `path`, with
-    the name of the axis in its own. Without an axis the log is used as it is. Raises RunLogError
+    The configuration in its header is that of the axis. It stands beside `path`, with the name of
+    the axis in its own. Without an axis the log is used as it is. Raises RunLogError
     when the log has no such axis or the new one cannot be written.
     """
     path = Path(path)
     if not axis:
         return path
-    target = path.with_name(f"{path.stem}.{axis}{path.suffix}") if target is None else Path(target)
+    target = path.with_name(f"{path.stem}.{axis}{path.suffix}")
     run = read_run(path, axis=axis)
     ids = {row_topic(axis): CHANNEL_IDS[Row]}
     ids |= {topic: CHANNEL_IDS[kind] for kind, topic in TOPICS.items() if kind is not Row}

@@ -8,7 +8,7 @@ from smad.control.commands import DriveCurrent, Follow, FollowInputs, HoldTemper
 from smad.control.plan import Do, Pause, Plan, UntilDone
 from smad.control.trajectories import ReferenceQueue
 from smad.errors import CommandError
-from smad.view.requests import Preview
+from smad.view.replies import Preview
 
 POINTS = 1500
 """Of a drawing. A motion of more turns than these show fills the band between its extremes."""

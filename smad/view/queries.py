@@ -7,16 +7,17 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from msgspec import Raw, Struct
+from msgspec import Struct
 
 from smad.client import NotReady
 from smad.errors import SmadError
 from smad.style.strips import CHANNELS
-from smad.view import commands, preview, queue, requests
+from smad.view import commands, preview, queue
 from smad.view.feed import Feed, View
 from smad.view.jobs import ON_THE_BENCH, JobError, Jobs, run_path
-from smad.view.reader_client import ReaderClient
-from smad.view.requests import Mark, Read
+from smad.view.reader import work
+from smad.view.reader.process import ReaderProcess
+from smad.view.replies import Mark, Read
 from smad.view.source import Axis, Source
 from smad.view.tier import Curve, Frame, Moments
 
@@ -39,11 +40,11 @@ class Queries:
     def __init__(self, source: Source) -> None:
         self.jobs = Jobs()
         self._source = source
-        self._reader = ReaderClient()
+        self._reader = ReaderProcess()
 
     async def close(self) -> None:
         """End reader and job."""
-        await self._reader.close()
+        self._reader.close()
         await self.jobs.close()
 
     async def past(self, axis: Axis, from_s: float, to_s: float, view: View) -> Past:
@@ -78,21 +79,14 @@ class Queries:
         path = self._source.log_path
         if not path or not Path(path).is_file():
             return None
-        request = requests.Past(
-            path=path,
-            axis=axis.name,
-            from_s=from_s,
-            to_s=to_s,
-            channels=tuple(CHANNELS[place].name for place in view.channels),
-            xy=tuple(CHANNELS[place].name for place in view.xy),
-        )
+        channels, xy = ([CHANNELS[k].name for k in places] for places in (view.channels, view.xy))
         try:
-            read = await self._reader.ask(request, Read)
+            span_s = from_s, to_s
+            read = await self._reader.ask(work.past, path, axis.name, span_s, channels, xy)
         except SmadError:
             # Memory is there, whatever has become of the file.
             return None
-        if read is not None:
-            axis.log_first_s = read.first_s
+        axis.log_first_s = read.first_s
         return read
 
     async def answer(self, ask: commands.Question) -> tuple[str, Any]:
@@ -100,15 +94,14 @@ class Queries:
         return await self.QUESTIONS[type(ask)](self, ask)
 
     async def _runs(self, ask: commands.Runs) -> tuple[str, Any]:
-        request = requests.Runs(folder=str(self._folder()), most=MOST_RUNS)
-        return "", await self._reader.ask(request, Raw)
+        return "", await self._reader.ask(work.runs, self._folder(), MOST_RUNS)
 
     async def _results(self, ask: commands.Results) -> tuple[str, Any]:
-        request = requests.Results(path=str(run_path(self._folder(), ask.run)), axis=ask.axis)
-        return "", await self._reader.ask(request, Raw)
+        path = run_path(self._folder(), ask.run)
+        return "", await self._reader.ask(work.results, path, ask.axis)
 
     async def _experiments(self, ask: commands.Experiments) -> tuple[str, Any]:
-        return "", await self._reader.ask(requests.Experiments(), Raw)
+        return "", await self._reader.ask(work.experiments)
 
     async def _preview(self, ask: commands.Preview) -> tuple[str, Any]:
         axis = self._source.axis(ask.axis)
@@ -118,13 +111,10 @@ class Queries:
 
     async def _preview_experiment(self, ask: commands.PreviewExperiment) -> tuple[str, Any]:
         config = self._source.axis(ask.axis).config
-        request = requests.Plan(
-            experiment=ask.experiment,
-            settings=ask.settings,
-            limits=config.limits,
-            handover_rate_mm_per_s=config.control.handover_rate_mm_per_s,
+        rate = config.control.handover_rate_mm_per_s
+        return "", await self._reader.ask(
+            work.plans, ask.experiment, ask.settings, config.limits, rate
         )
-        return "", await self._reader.ask(request, Raw)
 
     async def _begin(self, ask: commands.Begin) -> tuple[str, Any]:
         axis = self._source.axis(ask.axis)

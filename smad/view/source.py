@@ -11,7 +11,7 @@ from smad.client.wire import telemetry_of
 from smad.config import Config
 from smad.style import strips
 from smad.view.feed import Feed
-from smad.view.requests import Mark
+from smad.view.replies import Mark
 from smad.view.state import MODES, NO_WORD, BenchState, Tile, bench_state
 
 STATUS_EVERY_S = 0.5

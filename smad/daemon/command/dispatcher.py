@@ -4,6 +4,7 @@ import asyncio
 import inspect
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from msgspec import Struct
@@ -55,21 +56,16 @@ class RequestDispatcher:
         self._spawn = spawn
         self._journal = journal
         self._waiting = waiting
-        self._commands = Decoder()
-        self._stops = Decoder("stop")
         self._pending: set[_PendingReply] = set()
-
-    def command(self, client: bytes, data: bytes, send: Send, behind: bool = False) -> None:
-        """Answer a message of the command socket; `behind`: it may have come before a stop."""
-        self._answer(self._commands, client, data, send, behind)
-
-    def stop(self, client: bytes, data: bytes, send: Send, behind: bool = False) -> None:
-        """Answer a message of the stop channel."""
-        self._answer(self._stops, client, data, send, behind)
+        self.command = partial(self._answer, Decoder())
+        """Answers a message of the command socket."""
+        self.stop = partial(self._answer, Decoder("stop"))
+        """Answers a message of the stop channel."""
 
     def _answer(
-        self, decoder: Decoder, client: bytes, data: bytes, send: Send, behind: bool
+        self, decoder: Decoder, client: bytes, data: bytes, send: Send, behind: bool = False
     ) -> None:
+        """Answer a message; `behind`: it may have come before a stop."""
         call = decoder.decode(data)
         if not isinstance(call, Call):
             self._counts.refused += 1

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import zmq
 
@@ -54,12 +54,6 @@ class Handlers:
     command: Handler
     stop: Handler
     look_at_port: Callable[[], None]
-
-
-class _Served(Protocol):
-    def serve_one(self) -> bool: ...
-
-    def close(self) -> None: ...
 
 
 class _Local:
@@ -112,7 +106,7 @@ class CommandServer:
         self._queue = queue
         self._reserve = reserve
         self._budget = TimeBudget(COMMAND_SHARE, COMMAND_BURST_NS, COMMAND_DELAY_MOST_NS)
-        self._served: list[_Served] = []
+        self._served: list[_Local | Source] = []
         self._watched: list[Source] = []
         self._local: list[_Local] = []
         self._remote: TcpServer | None = None

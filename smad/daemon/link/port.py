@@ -1,7 +1,7 @@
 """Opening the serial port: one owner, no waiting, and what the driver granted.
 
-Transport: anything with a `fileno()` that the loop can watch. A serial device, or one end of a
-socket pair for timing tests without a pseudo-terminal.
+A transport has a `fileno()` that the loop can watch: a serial device, or one end of a socket pair
+for timing tests without a pseudo-terminal.
 """
 
 import contextlib
@@ -13,7 +13,6 @@ import struct
 import termios
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 import serial
 
@@ -25,27 +24,6 @@ _ASYNC_LOW_LATENCY = 0x2000
 _SERIAL_STRUCT_WORDS = 32
 _FLAGS_WORD = 4
 _SLOW_LATENCY_MS = 1
-
-
-class Transport(Protocol):
-    """Bytes in and out of a file descriptor that never blocks."""
-
-    name: str
-    baud: int
-    """Speed of the line in Bd; 0 for one without."""
-    notes: tuple[str, ...]
-
-    def fileno(self) -> int:
-        """The descriptor to read, write and watch."""
-        ...
-
-    def close(self) -> None:
-        """Give everything back."""
-        ...
-
-
-Opener = Callable[[], Transport]
-"""Opens a port, or raises PortError."""
 
 
 class SerialTransport:
@@ -84,6 +62,13 @@ class SocketTransport:
 
     def close(self) -> None:
         self._end.close()
+
+
+Transport = SerialTransport | SocketTransport
+"""Bytes in and out of a file descriptor that never blocks; the speed in Bd is 0 without a line."""
+
+Opener = Callable[[], Transport]
+"""Opens a port, or raises PortError."""
 
 
 class PortFinder:

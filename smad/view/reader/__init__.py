@@ -1,1 +1,1 @@
-"""The reader process of the page's server: it reads logs and makes plans, a line of JSON each."""
+"""What reads logs and makes plans for the page's server, in a process of its own."""

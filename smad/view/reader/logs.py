@@ -26,7 +26,7 @@ from smad.runlog.reader import columns_of, recorded
 from smad.runlog.scan import RECORD_HEAD, DamagedError, Message, chunk_data, records_in
 from smad.style.decimation import in_order, stride
 from smad.style.strips import MOTION, PLACES
-from smad.view.requests import Mark, Read
+from smad.view.replies import Mark, Read
 from smad.view.tier import GAP_S, MOST_BUCKETS, MOST_MOMENTS, Curve, Frame, Moments
 
 KEPT_S = 0.5

@@ -1,5 +1,6 @@
 """`smad status`: everything about the bench in lines. Pure."""
 
+import math
 import time
 from collections.abc import Iterator
 from functools import partial
@@ -19,6 +20,8 @@ from smad.view.terminal.tables import wrapped
 
 _EVENTS = 5
 _LABEL = 11
+SENSORS_AGREE_K = 1.0
+"""Two sensors of one temperature differ by less."""
 _green, _red, _yellow = (partial(click.style, fg=name) for name in ("green", "red", "yellow"))
 
 
@@ -150,6 +153,20 @@ def motion_words(motion: Motion) -> str:
     if motion.fault is not None:
         parts.append(f"fault {motion.fault.name}")
     return ", ".join(parts)
+
+
+def below_surroundings(now: Status, goal_degC: float) -> str:
+    """Say that no spring gets as cold as its goal: neither water nor room is; empty if one is."""
+    row = now.sample
+    shown = (None, None) if row is None else (row.rtd_inlet_degC, row.rtd_ambient_degC)
+    known = [degC for degC in shown if degC is not None and math.isfinite(degC)]
+    if not known or goal_degC >= min(known) - SENSORS_AGREE_K:
+        return ""
+    water, room = (number(degC, 1) for degC in shown)
+    return (
+        f"{goal_degC:.1f} °C is out of reach: a spring gets no colder than water and room, "
+        f"{water} °C and {room} °C"
+    )
 
 
 def count_lines(link: LinkCounts) -> Iterator[str]:

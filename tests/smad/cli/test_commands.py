@@ -407,7 +407,8 @@ def test_ctrl_c_ends_a_motion_that_is_still_being_sent(
 
     monkeypatch.setattr(Client, method, interrupted)
     assert execute(words.split()) == 130
-    assert [request["method"] for request in daemon.asked] == [method, "idle"]
+    commanded = [r["method"] for r in daemon.asked if r["method"] != "status"]
+    assert commanded == [method, "idle"]
 
 
 def test_one_spring_is_heated_driven_or_cooled(daemon: FakeDaemon) -> None:
@@ -420,6 +421,63 @@ def test_one_spring_is_heated_driven_or_cooled(daemon: FakeDaemon) -> None:
     assert sent["current"]["pump_y_duty"] == 0.5
     currents = [r["params"] for r in daemon.asked if r["method"] == "current"]
     assert (currents[0]["i_x_A"], currents[0]["stop_above_degC"]) == (2.0, 45.0)
+
+
+@pytest.mark.parametrize(
+    ("goal", "water_degC", "told"),
+    [
+        ("35F", 25.0, "1.7 °C is out of reach: a spring gets no colder than water and room, 25.0"),
+        ("35C", 25.0, ""),
+        ("24.5", 25.0, ""),
+        ("35F", None, ""),
+    ],
+)
+def test_a_temperature_below_water_and_room_is_told_to_be_out_of_reach(
+    goal: str,
+    water_degC: float | None,
+    told: str,
+    capfd: pytest.CaptureFixture[str],
+    daemon: FakeDaemon,
+) -> None:
+    row = Row(t_s=1.0, rtd_inlet_degC=water_degC, rtd_ambient_degC=water_degC)
+    daemon.answers["status"] = msgspec.structs.replace(STATUS, sample=row)
+    assert execute(["heat", "x", goal]) == 0
+    said = capfd.readouterr().err
+    assert told in said if told else said == ""
+
+
+def test_values_of_the_board_are_listed_in_units_as_everywhere(
+    capfd: pytest.CaptureFixture[str], daemon: FakeDaemon
+) -> None:
+    units = {"force_uN_per_count": "uN", "i2t_budget_A2s": "A2s", "stuck_us": "us", "jump_cC": "cC"}
+    daemon.answers["params.list"] = api.ParamList(
+        params=tuple(
+            api.Param(name=name, value=500.0, minimum=0, maximum=1000, unit=unit)
+            for name, unit in units.items()
+        )
+    )
+    assert execute(["params", "list"]) == 0
+    listed = capfd.readouterr().out
+    for words in ("500 µN = 0.5 mN", "500 A² s ", "500 µs = 0.0005 s", "500 cC = 5 °C"):
+        assert words in listed
+
+
+@pytest.mark.parametrize(
+    ("typed", "name", "sent"),
+    [
+        ("3A", "current_limit_mA", 3000.0),
+        ("3000", "current_limit_mA", 3000.0),
+        ("43.7°C", "cold_cC", 4370.0),
+        ("2.5s", "stuck_us", 2_500_000.0),
+        ("-5", "encoder_offset_counts", -5.0),
+    ],
+)
+def test_a_value_for_the_board_may_have_a_unit(
+    typed: str, name: str, sent: float, daemon: FakeDaemon
+) -> None:
+    daemon.answers["params.set"] = api.Param(name=name, value=sent, minimum=0, maximum=1)
+    assert execute(["params", "set", name, typed]) == 0
+    assert daemon.asked[0]["params"] == {"name": name, "value": sent}
 
 
 def test_the_link_test_fails_when_something_was_lost(

@@ -21,10 +21,10 @@ from smad.errors import SmadError
     [
         ("statsu", "There is no command 'statsu'; did you mean status or start? See smad --help."),
         ("log shwo", "Did you mean 'show'? See smad log --help."),
-        ("pump x 50", "50 is not within 0 to 1 (0% to 100%)"),
-        ("pump x 101%", "101% is not within 0 to 1"),
-        ("pump x nan", "nan is not within 0 to 1"),
-        ("pump x full", "'full' is no duty; give 0 to 1, or 0% to 100%"),
+        ("pump x 50", "'50' is not within 0 to 1 (0% to 100%)"),
+        ("pump x 101%", "'101%' is not within 0 to 1 (0% to 100%)"),
+        ("pump x nan", "'nan' is not a finite number"),
+        ("pump x full", "'DUTY': 'full' is not a number"),
         ("move step 5000", "'DISPLACEMENT_MM': 5000 mm: it has to be at most 50 mm"),
         ("move step 5000 --deg", "'DISPLACEMENT_MM': 800 mm: it has to be at most 50 mm"),
         ("move sine 2 -7", "'PERIOD_S': -7 s: it has to be above 0 s"),
@@ -47,7 +47,12 @@ from smad.errors import SmadError
         ("demo --seed 5s", "'5s' is not a whole number. See"),
         ("run endurance --cycles 9 --end-place 5", "'5' is not above 0, up to 1. See"),
         ("queue remove x", "'x' is not a whole number. See"),
-        ("params set cold_cC 3A", "'3A' is not a number. See"),
+        (
+            "params set cold_cC 3A",
+            "'3A': give it in cC, alone or with K, degC (°C), degF (°F), cC.",
+        ),
+        ("params set jump_cC 40F", "'40F': give it in cC or °C"),
+        ("params set cold_cC warm", "'warm' is not a number of cC. See"),
         ("record last --seconds soon", "'soon' is not a number of s"),
     ],
 )

@@ -4,8 +4,9 @@ from collections.abc import Callable, Iterable
 
 import msgspec
 
-from smad.control.controller import Controller, Output
+from smad.control.controller import Controller
 from smad.control.sample import Sample
+from smad.control.setpoint import Output
 
 PERIOD_US = 10_000
 

@@ -19,9 +19,10 @@ from smad.control.commands import (
     Step,
     Tune,
 )
-from smad.control.controller import Controller, Output
+from smad.control.controller import Controller
 from smad.control.inforce import tune_of
 from smad.control.limits import HostLimit
+from smad.control.setpoint import Output
 from smad.errors import CommandError
 
 from .helpers import drive, sample
@@ -233,7 +234,8 @@ def test_without_a_displacement_nothing_is_heated() -> None:
 def test_a_current_above_the_configured_limit_is_refused(field: str) -> None:
     controller = Controller(ControlConfig(current_limit_A=1.5), LimitsConfig())
     controller.command(DriveCurrent(**{field: 1.5}))
-    with pytest.raises(CommandError, match=rf"{field}.*got 2.0; allowed: up to 1.5 A"):
+    said = rf"spring {field[2].upper()} .*got 2 A; allowed: up to 1.5 A"
+    with pytest.raises(CommandError, match=said):
         controller.command(DriveCurrent(**{field: 2.0}))
 
 

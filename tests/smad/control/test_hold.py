@@ -12,12 +12,13 @@ from sim_device.bench import SimulatedBench
 from sim_device.plant import ParameterSet, load_parameters
 from smad.config import ControlConfig, CoolingConfig, HoldConfig
 from smad.control.commands import Follow, Ramp, Sine, Step, Trajectory
-from smad.control.controller import Controller, Output
+from smad.control.controller import Controller
 from smad.control.cooling import Pump, PumpStarts
 from smad.control.hold import Direction, PairTemperatureControl, QuietHold
 from smad.control.metrics import HoldQuality, hold_quality
 from smad.control.plan import Do, Plan, UntilDone
 from smad.control.runner import run_virtual
+from smad.control.setpoint import Output
 from tests.sim_device.harsh import bench_of
 
 from .helpers import sample

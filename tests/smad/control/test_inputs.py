@@ -107,7 +107,10 @@ def test_a_short_departure_is_allowed() -> None:
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        (rows(4, i_x_A=(0.0, 3.0, 0.0, 0.0)), "i_x_A is above the host's limit at 0.01 s"),
+        (
+            rows(4, i_x_A=(0.0, 3.0, 0.0, 0.0)),
+            "in spring X is above the host's limit at 0.01 s",
+        ),
         (rows(4, i_y_A=(0.0,)), "i_y_A and t_s differ in length"),
         (rows(4, force_N=(1.0,)), "force_N and t_s differ in length"),
         (rows(4, end_s=0.02), "t_s must increase"),

@@ -75,7 +75,7 @@ def test_a_fault_of_the_board_ends_the_plan_with_its_name() -> None:
 
 
 def test_a_refused_command_ends_the_plan() -> None:
-    with pytest.raises(CommandError, match="displacement_mm"):
+    with pytest.raises(CommandError, match="displacement of the step"):
         carry_out(Do(Follow(trajectories=(Step(displacement_mm=16.0, duration_s=1.0),))))
 
 

@@ -8,9 +8,8 @@ import pytest
 from firmware_protocol.enums import BoardState, Limiter, SetpointFlag, ValidBit
 from firmware_protocol.messages import State
 from firmware_protocol.parameters import BY_NAME
-from smad.control.controller import Output
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
-from smad.control.setpoint import setpoint_of
+from smad.control.setpoint import Output, setpoint_of
 
 SCALES = Scales(
     {

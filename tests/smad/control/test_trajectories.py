@@ -126,25 +126,38 @@ def test_after_the_last_piece_the_reference_stays() -> None:
 
 
 @pytest.mark.parametrize(
-    ("piece", "field", "value"),
+    ("piece", "blamed", "value"),
     [
-        (Step(displacement_mm=-16.0, duration_s=1.0), "displacement_mm", -16.0),
-        (Sine(amplitude_mm=16.0, period_s=30.0, cycles=1), "amplitude_mm", 16.0),
-        (Sine(amplitude_mm=10.0, period_s=30.0, cycles=1, offset_mm=6.0), "amplitude_mm", 10.0),
-        (Staircase(step_mm=4.0, steps=4, dwell_s=1.0), "step_mm", 4.0),
-        (RandomLevels(amplitude_mm=40.0, levels=50, dwell_s=1.0, seed=1), "amplitude_mm", 40.0),
-        (Sine(amplitude_mm=10.0, period_s=0.5, cycles=1), "period_s", 0.5),
-        (Ramp(displacement_mm=10.0, rate_mm_per_s=60.0), "rate_mm_per_s", 60.0),
-        (Chirp(amplitude_mm=5.0, start_Hz=0.1, end_Hz=5.0, duration_s=9.0), "end_Hz", 5.0),
+        (Step(displacement_mm=-16.0, duration_s=1.0), "displacement of the step", "-16 mm"),
+        (Sine(amplitude_mm=16.0, period_s=30.0, cycles=1), "amplitude of the sine", "16 mm"),
+        (
+            Sine(amplitude_mm=10.0, period_s=30.0, cycles=1, offset_mm=6.0),
+            "amplitude of the sine",
+            "10 mm",
+        ),
+        (Staircase(step_mm=4.0, steps=4, dwell_s=1.0), "step of the staircase", "4 mm"),
+        (
+            RandomLevels(amplitude_mm=40.0, levels=50, dwell_s=1.0, seed=1),
+            "amplitude of the random levels",
+            "40 mm",
+        ),
+        (Sine(amplitude_mm=10.0, period_s=0.5, cycles=1), "period of the sine", "0.5 s"),
+        (Ramp(displacement_mm=10.0, rate_mm_per_s=60.0), "rate of the ramp", "60 mm/s"),
+        (
+            Chirp(amplitude_mm=5.0, start_Hz=0.1, end_Hz=5.0, duration_s=9.0),
+            "end frequency of the chirp",
+            "5 Hz",
+        ),
     ],
 )
-def test_a_piece_beyond_a_limit_is_refused_with_field_value_and_limit(
-    piece: Trajectory, field: str, value: float
+def test_a_piece_beyond_a_limit_is_refused_with_what_it_is_of_its_value_and_the_limit(
+    piece: Trajectory, blamed: str, value: str
 ) -> None:
+    harmless = Hold(duration_s=1.0)
     with pytest.raises(CommandError) as refused:
-        compile_piece(piece, 0.0, LIMITS, "trajectories[3]")
-    assert f"trajectories[3].{field} " in str(refused.value)
-    assert refused.value.value == value
+        queue(harmless).follow(Follow(trajectories=(harmless, piece)))
+    assert str(refused.value).startswith(f"piece 2 of 2: the {blamed} ")
+    assert f"; got {value}; allowed" in str(refused.value)
     assert "(limits." in str(refused.value)
 
 

@@ -11,8 +11,8 @@ from firmware_protocol.enums import BoardState, ResetCause
 from firmware_protocol.events import HostState
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
-from smad.control.controller import Output
 from smad.control.sample import Sample
+from smad.control.setpoint import Output
 from smad.daemon.link.port import SocketTransport
 from smad.runlog.schema import CHANNELS
 from tests.smad.daemon.rig import rig_in

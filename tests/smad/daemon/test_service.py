@@ -50,7 +50,7 @@ async def test_the_configured_limit_refuses_what_the_wire_would_carry(tmp_path: 
         await rig.arm()
         with pytest.raises(Refused) as refused:
             await rig.ask("heat", spring="x", temperature_degC=95.0)
-        assert refused.value.data["value"] == 95.0
+        assert refused.value.data["value"] == "95 °C"
         assert "80" in refused.value.data["limit"]
 
 

@@ -62,7 +62,10 @@ def test_a_closed_loop_run_is_repeated_sample_by_sample(recorded: Path, tmp_path
     ("config", "said"),
     [
         (Config(link=LinkConfig(rate_hz=250)), "another rate.*100 Hz.*250 Hz"),
-        (Config(control=ControlConfig(current_limit_A=1.0)), "i_x_A is above the host's limit"),
+        (
+            Config(control=ControlConfig(current_limit_A=1.0)),
+            "in spring X is above the host's limit",
+        ),
         (
             Config(limits=LimitsConfig(displacement_max_mm=2.0)),
             "exceeds a limit of this bench: .*displacement_mm",

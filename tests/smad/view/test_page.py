@@ -19,7 +19,7 @@ from smad.view import page as pages
 from smad.view.access import Right
 from smad.view.page import IN_FLIGHT, MOST_STOPS, MOST_WAITING, PATIENCE_S, Page
 from smad.view.queries import Queries
-from smad.view.requests import Mark
+from smad.view.replies import Mark
 from smad.view.source import SILENT_AFTER_S, Source
 from smad.view.state import NO_WORD, bench_state
 

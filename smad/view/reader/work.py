@@ -1,24 +1,17 @@
-"""The reader of the page's server: `python -m smad.view.reader`, one request a line, on its input.
-
-It ends with its input, so it never outlives the server. What it can do needs the extras of `log`
-and `report`; where one is missing the answer names it.
-"""
+"""What the reader process does. It needs the extras `log` and `report`; the server has neither."""
 
 import math
-import os
-import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
+from smad.config import LimitsConfig
 from smad.counted import counted
-from smad.extras import missing
-from smad.processes import oom
-from smad.view import forms, preview, requests
+from smad.view import forms, preview
+from smad.view.replies import Preview, Read
 
-NICER = 10
 _logs: dict[tuple[str, str], Any] = {}
 MOST_LOGS = 6
 """That many axes of one log, or logs of one axis."""
@@ -35,36 +28,39 @@ AT_HAND: Mapping[str, Any] = {"air": False}
 """What a form begins with where the experiment's own default needs another mounting."""
 
 
-def past(ask: requests.Past) -> requests.Read:
-    """Read a log that is followed from one request to the next."""
+def past(
+    path: str, axis: str, span_s: tuple[float, float], channels: Sequence[str], xy: Sequence[str]
+) -> Read:
+    """Read channels of a run log, and of its further parts, between two Unix times.
+
+    The log is followed from one request to the next. The only axis has no name.
+    """
     from smad.view.reader.logs import Log
 
-    place = (ask.path, ask.axis)
+    place = (path, axis)
     if place not in _logs:
         while len(_logs) >= MOST_LOGS:
             del _logs[next(iter(_logs))]
-        _logs[place] = Log(Path(ask.path), ask.axis)
-    read: requests.Read = _logs[place].read(ask.from_s, ask.to_s, ask.channels, ask.xy)
+        _logs[place] = Log(Path(path), axis)
+    read: Read = _logs[place].read(*span_s, channels, xy)
     return read
 
 
-def runs(ask: requests.Runs) -> list[Any]:
+def runs(folder: Path, most: int) -> list[Any]:
     """List the newest runs, the newest first."""
     from smad.runlog.overview import list_runs
 
-    if not Path(ask.folder).is_dir():
-        return []
-    return list_runs(ask.folder, newest=ask.most)[::-1]
+    return list_runs(folder, newest=most)[::-1] if folder.is_dir() else []
 
 
-def results(ask: requests.Results) -> list[tuple[str, str]]:
-    """Say what a run came to: names and values in words."""
+def results(path: Path, axis: str) -> list[tuple[str, str]]:
+    """Say what a run came to, of one axis where it has several: names and values in words."""
     import numpy as np
 
     from smad.control.metrics import tracking_r2
     from smad.runlog.reader import read_run
 
-    run = read_run(ask.path, axis=ask.axis)
+    run = read_run(path, axis=axis)
     columns = run.columns
     table = [("duration", f"{run.duration_s:.1f} s, {counted(len(run), 'sample')}")]
 
@@ -89,7 +85,7 @@ def results(ask: requests.Results) -> list[tuple[str, str]]:
     return table
 
 
-def experiments(ask: requests.Experiments) -> list[forms.Form]:
+def experiments() -> list[forms.Form]:
     """Make a form of the settings of each experiment."""
     from smad.experiments.registry import make_experiment
 
@@ -128,47 +124,16 @@ class _Plans:
         raise _Planned
 
 
-def plan(ask: requests.Plan) -> list[requests.Preview]:
+def plans(
+    name: str, settings: Mapping[str, Any], limits: LimitsConfig, handover_rate_mm_per_s: float
+) -> list[Preview]:
     """Draw the first run of each trial of an experiment; later ones may hang on its outcome."""
     from smad.experiments.registry import make_experiment
 
-    experiment, driver = make_experiment(ask.experiment, ask.settings), _Plans()
+    experiment, driver = make_experiment(name, settings), _Plans()
     for trial in experiment.trials():
         try:
             experiment.conduct(trial, driver)
         except _Planned:
             continue
-    return [preview.planned(plan, ask.limits, ask.handover_rate_mm_per_s) for plan in driver.plans]
-
-
-HANDLERS: Mapping[type[requests.ReaderRequest], Callable[[Any], Any]] = {
-    requests.Past: past,
-    requests.Runs: runs,
-    requests.Results: results,
-    requests.Experiments: experiments,
-    requests.Plan: plan,
-}
-
-
-def answer(line: bytes) -> bytes:
-    """Carry out a request; return the reply, or why there is none, as a line of JSON."""
-    try:
-        ask = msgspec.json.decode(line, type=requests.Request)
-        done = {"done": HANDLERS[type(ask)](ask)}
-    except Exception as error:
-        # A damaged file is reported to the page; the next request is carried out.
-        done = {"failed": str((isinstance(error, ModuleNotFoundError) and missing(error)) or error)}
-    return msgspec.json.encode(done) + b"\n"
-
-
-def main() -> None:
-    """Carry out requests until the input ends."""
-    oom.prefer_as_oom_victim()
-    os.nice(NICER)
-    for line in sys.stdin.buffer:
-        sys.stdout.buffer.write(answer(line))
-        sys.stdout.buffer.flush()
-
-
-if __name__ == "__main__":
-    main()
+    return [preview.planned(plan, limits, handover_rate_mm_per_s) for plan in driver.plans]
