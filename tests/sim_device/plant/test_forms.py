@@ -12,6 +12,7 @@ DRIVE = alternating(seconds=32.0, amps=2.6)
 
 OUTPUTS = (
     "force_N", "true_displacement_m", "T_x_K", "spring_force_x_N", "spring_force_y_N",
+    "rtd_ambient_degC", "v_x_V", "v_y_V",
 )  # fmt: skip
 
 
@@ -25,7 +26,9 @@ def played(name=None, inputs=DRIVE, **values):
     [
         ("r_phase", {"strain": 0.05}, {"above_K": 8.0, "width_K": 6.0}),
         ("tube_friction", {"coulomb_N": 0.1}, {"sensor_on_x": 0.5}),
-        ("convection_exponent", {"loss_exponent": 0.2}, {"reference_K": 10.0}),
+        ("convection_exponent", {"loss_exponent": 0.2}, {"loss_reference_K": 10.0}),
+        ("ambient_drift", {"rate_K_s": 0.05}, {"bend_K_s2": 0.0, "seen": 1.0}),
+        ("minor_loop", {"kappa": 0.8}, {"y_share": 1.0}),
     ],
 )
 def test_a_shape_that_is_not_named_is_what_was_fixed_before(name, values, shapes):
@@ -79,7 +82,31 @@ def test_a_loss_that_grows_faster_cools_what_is_hotter_than_its_reference():
     )
     plain = played(inputs=held)["T_x_K"]
     assert plain[-1] > 325.0
-    below = played("convection_exponent", held, exponent=0.0, loss_exponent=0.5, reference_K=80.0)
-    above = played("convection_exponent", held, exponent=0.0, loss_exponent=0.5, reference_K=2.0)
+    below = played(
+        "convection_exponent", held, exponent=0.0, loss_exponent=0.5, loss_reference_K=80.0
+    )
+    above = played(
+        "convection_exponent", held, exponent=0.0, loss_exponent=0.5, loss_reference_K=2.0
+    )
     assert above["T_x_K"][-1] < plain[-1] - 0.2
     assert below["T_x_K"][-1] > plain[-1] + 0.2
+
+
+def test_a_draught_bends_the_air_at_the_tubes_and_passes_the_rtd_of_the_room_by():
+    plain = played()
+    t = DRIVE.t_s - DRIVE.t_s[0]
+    seen = played("ambient_drift", rate_K_s=0.05, bend_K_s2=-1e-3)
+    rise = 0.05 * t - 1e-3 * t**2
+    np.testing.assert_allclose(
+        seen["rtd_ambient_degC"] - plain["rtd_ambient_degC"], rise, atol=1e-9
+    )
+    unseen = played("ambient_drift", rate_K_s=0.05, bend_K_s2=-1e-3, seen=0.0)
+    np.testing.assert_array_equal(unseen["rtd_ambient_degC"], plain["rtd_ambient_degC"])
+    np.testing.assert_array_equal(unseen["T_x_K"], seen["T_x_K"])
+    assert np.abs(unseen["T_x_K"] - plain["T_x_K"]).max() > 1e-3
+
+
+def test_the_resistance_of_one_spring_may_depend_on_its_phase():
+    plain, of_x = played(), played("phase_resistivity", beta=-0.15, y_share=0.0)
+    moved = {s: np.abs(of_x[f"v_{s}_V"] - plain[f"v_{s}_V"]).max() for s in "xy"}
+    assert moved["x"] > 20.0 * moved["y"]

@@ -154,7 +154,7 @@ SPANNED = [
     ("residual_elongation", {}, lambda s, v: 1e-4 * s[f"transformed.{v}"]),
     ("transformation_fatigue", {"shift_K": -0.3}, lambda s, v: -0.3 * s[f"transformed.{v}"]),
     ("phase_resistivity", {}, None),
-    ("ambient_drift", {}, lambda s, v: 0.02 * s["time"]),
+    ("ambient_drift", {}, lambda s, v: 0.02 * s["time"] + 2e-4 * s["time"] ** 2),
     ("rtd_offset", {}, None),
     ("force_gain", {}, lambda s, v: 0.04 * s["reading_force.both"]),
 ]
@@ -202,3 +202,43 @@ def test_a_trajectory_has_every_state_of_every_place_and_says_what_the_outputs_s
     assert np.array_equal(states["duty.x"][1:], RUN.pump_duty[1:, 0])
     rate = np.diff(plain["rtd_x_degC"]) / np.diff(RUN.t_s)
     assert states["reading_rtd_rate.x"][1:] == pytest.approx(rate, abs=1e-6)
+
+
+def test_what_is_added_at_a_reading_goes_through_the_sensor():
+    """A lag follows it, a gain scales it, a slip loses its share of it."""
+    wave, drift = np.sin(0.5 * RUN.t_s), 1e-4 * np.maximum(RUN.t_s - 10.0, 0.0)
+    added = {
+        ("reading_rtd", "x"): wave,
+        ("reading_force", "both"): 0.01 * wave,
+        ("reading_displacement", "both"): drift,
+    }
+    sensors = {
+        "rtd_lag": {"tau_s": 0.6},
+        "force_gain": {"gain": 0.5},
+        "encoder_slip": {"share": 0.2},
+    }
+    given, without = (simulate(P, RUN, effects=sensors, forcing=x) for x in (added, {}))
+    lagged, course = wave[0], [wave[0]]
+    gone = 1.0 - np.exp(-(RUN.t_s[1] - RUN.t_s[0]) / 0.6)
+    for middle in 0.5 * (wave[1:] + wave[:-1]):
+        lagged += gone * (middle - lagged)
+        course.append(lagged)
+    assert given["rtd_x_degC"] - without["rtd_x_degC"] == pytest.approx(course, abs=1e-4)
+    assert given["force_N"] - without["force_N"] == pytest.approx(0.015 * wave, abs=1e-12)
+    apart, kept = np.diff(given["displacement_m"] - without["displacement_m"]), np.diff(drift)
+    rises = (np.diff(given["true_displacement_m"]) > 0.0) & (kept > 0.0)
+    assert apart[rises] == pytest.approx(0.8 * kept[rises], abs=1e-9)
+    for name in ("T_x_K", "true_displacement_m", "spring_force_x_N"):
+        assert np.array_equal(given[name], without[name]), name
+
+
+def test_a_law_sees_the_model_with_what_is_added_at_the_readings(plain):
+    """So that a law depends on what was measured where a model is a little off."""
+    added = {("reading_displacement", "both"): 1e-3 * np.sin(RUN.t_s)}
+    replay = Replay(RUN, forcing=added)
+    states = trajectory(replay, replay.setup(P))
+    off = states["displacement"] - plain["true_displacement_m"]
+    assert off == pytest.approx(1e-3 * np.sin(RUN.t_s), abs=1e-12)
+    rate = np.diff(off) / np.diff(RUN.t_s)
+    still = trajectory(Replay(RUN), replay.setup(P))["velocity"]
+    assert (states["velocity"] - still)[1:] == pytest.approx(rate, abs=1e-9)

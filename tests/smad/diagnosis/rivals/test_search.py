@@ -14,7 +14,6 @@ from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import EffectPart, Model
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, NOTHING, PARAMETERS
-from smad.diagnosis.rivals.screening import worth_a_fit
 from smad.diagnosis.rivals.search import Search, _Fits, _halfway_starts
 from smad.diagnosis.spring_pair import SmaPlant
 
@@ -154,14 +153,6 @@ def test_with_free_parameters_enters_what_scores_better_though_a_loud_signal_is_
         moved=True,
     )
     assert Search._choose(cast(Any, search), [likeliest, nothing]) is likeliest
-
-
-def test_an_effect_that_is_there_or_not_is_fitted_whatever_a_linear_picture_promises() -> None:
-    ranked = [
-        SimpleNamespace(part=SimpleNamespace(name=str(k), has_strength=k != 11)) for k in range(12)
-    ]
-    worth = worth_a_fit(cast(Any, ranked))
-    assert [cast(Any, s).part.name for s in worth] == [*map(str, range(8)), "11"]
 
 
 def test_a_fit_keeps_its_coordinates_where_its_parts_change_places() -> None:
