@@ -290,17 +290,18 @@ def fit(
     rounds: int = _ROUNDS,
     enough: float = _ENOUGH,
     offset: float = 1.0,
+    exact: bool = False,
 ) -> Fit | None:
     """Fit a model from `start` until a round lowers F by less than `enough`.
 
     Return None where the model fails at `start`. `offset` stands for 1 in log(v_c + 1): channels
     with a mean square below it weigh alike, and a larger one leads past local minima in which one
-    channel is given up. Predictions are those of averaged inputs plus the shift of the
-    `reference`, or exact where the model needs it. Slopes that the reference lacks are computed at the start. Each step corrects them
+    channel is given up. Predictions are `exact`, or those of averaged inputs plus the shift of the
+    `reference`. Slopes that the reference lacks are computed at the start. Each step corrects them
     by a Broyden update; when no step lowers F, those of the parts are computed again.
     """
     low, high = model.bounds
-    shift = None if model.needs_exact else reference.shift
+    shift = None if exact or model.needs_exact else reference.shift
     first = _Round(
         evidence=evidence, model=model, shift=shift, weight=evidence.valid, offset=offset
     )
@@ -354,16 +355,21 @@ def reusable_slopes(source: Reference | Fit) -> Array:
     return source.slopes[: 0 if far else source.model.parameters]
 
 
-def polished(evidence: Evidence, fitted: Fit, *, offset: float = 1.0) -> Fit:
+def polished(evidence: Evidence, fitted: Fit, *, offset: float = 1.0, exact: bool = True) -> Fit:
     """Repeat the fit with fresh slopes of its parts until F falls by less than a nat.
 
-    Slopes of the parameters are computed again where `reusable_slopes` has none, and the shift of
-    averaged inputs each time: where the fit ends its predictions are exact.
+    Slopes of the parameters are computed again where `reusable_slopes` has none.
     """
     for _ in range(_POLISHES):
         base = reference_of(evidence, replace(fitted, slopes=reusable_slopes(fitted)))
         refitted = base and fit(
-            evidence, fitted.model, fitted.x, base, rounds=_POLISH_ROUNDS, offset=offset
+            evidence,
+            fitted.model,
+            fitted.x,
+            base,
+            rounds=_POLISH_ROUNDS,
+            offset=offset,
+            exact=exact,
         )
         if not refitted:
             return fitted
@@ -386,7 +392,13 @@ def fit_to_end(evidence: Evidence, reference: Reference, *, near: bool = False) 
     fitted = fit(evidence, reference.model, reference.x, start, offset=offsets[0])
     for offset in dict.fromkeys(offsets):
         if fitted:
-            fitted = polished(evidence, replace(fitted, objective=np.inf), offset=offset)
+            fitted = polished(
+                evidence,
+                replace(fitted, objective=np.inf),
+                offset=offset,
+                # Far from the minimum an approximate descent direction suffices.
+                exact=offset < loudest or offset == 1.0,
+            )
     return fitted
 
 
