@@ -22,7 +22,7 @@ from smad.diagnosis.rivals.evidence import Evidence, weights
 from smad.diagnosis.rivals.fit import Fit, Reference, fit, model_beside, replayed
 from smad.diagnosis.rivals.parts import EffectPart
 
-_TRIED, _MOST = 20, 8
+_TRIED, _MOST = 16, 6
 """Effects that one round of a fit tries beside each reference, and those that are fitted. The right
 one may have a small estimate: that of an exponent was the eleventh, and left least."""
 _FURTHEST = 3.0
