@@ -17,6 +17,8 @@ from smad.diagnosis.runs import GapRun
 _THETA_STEP = 0.1
 _PIECES = 5
 _COARSE = 2
+_DIVERGED = 1e12
+"""No reading is so large; squares and single precision would overflow."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -144,8 +146,8 @@ def predictions(
 
 
 def finite(values: Sequence[Array]) -> bool:
-    """Whether all arrays are finite."""
-    return all(bool(np.isfinite(v).all()) for v in values)
+    """Whether all values are finite and of a size that readings may have."""
+    return all(bool((np.abs(v) < _DIVERGED).all()) for v in values)
 
 
 def slopes(plant: PlantModel, point: ModelPoint, runs: Sequence[Played]) -> list[Array]:

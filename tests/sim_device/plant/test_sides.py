@@ -24,8 +24,9 @@ OF_Y = [name for name in OUTPUTS if "_y_" in name or name.endswith("_y")]
 
 HELD = {"displacement_m": np.zeros(INPUTS.t_s.size)}
 OF_SPRINGS = (
-    "cold_ends", "convection_exponent", "residual_elongation", "stress_latent",
-    "temperature_spread", "transformation_fatigue", "tube_wall",
+    "cold_ends", "convection_exponent", "minor_loop", "phase_resistivity", "r_phase",
+    "residual_elongation", "stress_latent", "temperature_spread", "transformation_fatigue",
+    "tube_wall",
 )  # fmt: skip
 
 

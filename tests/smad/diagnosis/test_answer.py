@@ -46,7 +46,7 @@ def test_a_law_that_an_effect_replaces_stays_a_law_and_tables_say_what_they_are_
     start, floors = nominal_point(plant), estimate_floors(runs, plant, PERIOD_S)
     evidence = recorded_evidence(plant, runs, floors, PERIOD_S, start)
     question = question_of(plant, start, evidence, effects=plant.effects, say=silent)
-    search = Search.start(question, exchange=False)
+    search = Search.start(question, exchange=False, laws=True)
     library = search.changes
     # The effect becomes known once a law stands in its place.
     for names in ((), ("coupling",)):
