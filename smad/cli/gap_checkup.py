@@ -93,10 +93,11 @@ def commission(
                 say=line.note,
                 progress=line.say,
             )
-    minutes = programme.duration_s / 60.0
+    minutes, lacked = programme.duration_s / 60.0, ", ".join(reference.point.effects)
+    lacked = f"; the simulator lacked {lacked}" * bool(lacked)
     click.echo(
         f"baseline {folder}: {counted(len(programme.runs), 'run')} of {minutes:.1f} min in all, "
-        f"{counted(reference.repeats, 'repeat')} of each"
+        f"{counted(reference.repeats, 'repeat')} of each{lacked}"
     )
     if reference.repeats < 2:
         click.echo(

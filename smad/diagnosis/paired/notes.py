@@ -1,4 +1,4 @@
-"""Notes on a comparison with good runs: what was compared, and what weakens it."""
+"""Notes on a comparison with good runs: what was compared, with which model, what weakens it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ def compared(paired: PairedRuns) -> str:
 
 
 def notes_of(paired: PairedRuns) -> list[str]:
-    """Facts that weaken the comparison, a sentence each."""
+    """What the model of the good runs has, and facts that weaken the comparison."""
     out = []
+    if effects := paired.good.point.effects:
+        out.append(f"the model has what the good runs show: {', '.join(effects)}")
     if not paired.good.floor.degrees:
         out.append(
             "each run was recorded good only once: the repeat floor is a guess; record one again "

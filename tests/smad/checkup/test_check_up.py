@@ -27,6 +27,7 @@ from smad.checkup.programme import (
     shipped,
 )
 from smad.checkup.store import SCHEMA, Baseline, load, save
+from smad.diagnosis.data.played import predictions
 from smad.diagnosis.errors import PairingError
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.report.page import page_of
@@ -118,6 +119,35 @@ def test_the_page_shows_rivals_values_and_what_is_told(
     ):  # fmt: skip
         assert words in page
     assert "No change beyond the repeat floor" in render(page_of(quiet))
+
+
+def test_the_model_of_the_good_bench_has_what_its_runs_show() -> None:
+    slow = {"rtd_lag": {"tau_s": 0.6}}
+    reference = commissioned(PLANT, [[played(seed, slow) for seed in (1, 2, 3)]])
+    assert set(reference.point.effects) == {"rtd_lag"}
+    assert reference.point.effects["rtd_lag"]["tau_s"] == pytest.approx(0.6, rel=0.05)
+    now = played(31, slow | {"driver_gain": {"gain": 0.06}})
+    verdict = checked(PLANT, reference, [(now, "short")])
+    assert named(verdict) == ["driver_gain"]
+    assert verdict.notes[0] == "the model has what the good runs show: rtd_lag"
+
+
+def test_a_sensor_of_the_model_gets_what_the_good_runs_measured() -> None:
+    """A delay leaves nothing though the model of the good bench is off by many floors."""
+    unaware = replace(PLANT, only=("channel_delay", "rtd_lag", "encoder_backlash"))
+    front = {"cooling_front": {"share": 0.8}, "temperature_spread": {"spread_K": 4.0}}
+    reference = commissioned(unaware, [[played(seed, front) for seed in (1, 2, 3)]])
+    (run,) = reference.runs
+    (as_measured,) = predictions(unaware, reference.point, [run.as_measured(unaware)], exact=True)
+    off, closer = (np.where(run.valid, x - run.mean, 0.0) for x in (run.base, as_measured))
+    for name in ("rtd_x_degC", "displacement_mm", "force_N"):
+        c = [channel.name for channel in unaware.channels].index(name)
+        assert (closer[:, c] ** 2).mean() < 0.05 * (off[:, c] ** 2).mean(), name
+    late = front | {"channel_delay": {"displacement_s": 0.1, "temperature_s": 0.0, "force_s": 0.1}}
+    verdict = checked(unaware, reference, [(played(32, late), "short")])
+    assert named(verdict) == ["channel_delay"]
+    assert value(verdict, "channel_delay", "displacement_s") == pytest.approx(0.1, rel=0.15)
+    assert verdict.causes[0].gap < 1.3
 
 
 def test_two_causes_are_named_together(reference: GoodRuns) -> None:
