@@ -25,13 +25,15 @@ from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, weights
 from smad.diagnosis.rivals.parts import EffectPart, Model, Part
 
-_DAMPING = (0.0, 0.1, 3.0)
+_DAMPING = (0.0, 0.003, 0.03, 0.3, 3.0, 30.0)
 _LONGER = (1.0, 2.0, 4.0, 8.0)
 _ROUNDS = 8
 NAT = 2.0
 """Of F, where every row counts."""
-_ENOUGH = 0.5 * NAT
-"""A round that lowers F by less ends the fit, and a step that promises less is not tried."""
+_ENOUGH = 0.1 * NAT
+"""A round that lowers F by less ends the fit: a tenth of a nat where every row counts."""
+_WORTH = 0.05
+"""A step is tried if the linear model predicts that it lowers F by at least this."""
 _HIDDEN = 0.5
 """Averaged inputs serve while they miss at most this share of a part's effect: a slope that is half
 wrong still points downhill."""
@@ -263,7 +265,7 @@ class _Round:
         for damping in _DAMPING:
             step = bounded_step(A, g, low - iterate.x, high - iterate.x, damping)
             promised = 2.0 * g @ step - step @ A @ step
-            if promised < _ENOUGH:
+            if promised < _WORTH:
                 break
             best = iterate
             # The weights lag behind the fit: a step that gains more than predicted was too short.

@@ -68,10 +68,7 @@ def run_search(
     search.nest()
     if not search.parts and not search.moved:
         search.final = search.configured
-    worse = question.gap(search.final) > question.gap(search.parameters)
-    if search.parts and worse and not question.at_floor(search.final):
-        # Parts that leave a larger gap than parameters alone are not reported.
-        search.final, search.moved = search.parameters, True
+    search.compare_with_parameters()
     return search
 
 
@@ -293,6 +290,26 @@ class Search:
             base = reference_of(e, fitted.of_parts(range(count)))
             refitted = base and self.question.fitted(entered.kind, entered.name, base, near=True)
             self.steps[k] = replace(self.steps[k], entered=refitted or entered)
+
+    def compare_with_parameters(self) -> None:
+        """Withdraw parts that leave a larger gap than other parameters alone.
+
+        Unless both together are likelier than parameters alone, and leave no larger gap.
+        """
+        question, alone = self.question, self.parameters
+        worse = question.gap(self.final) > question.gap(alone)
+        if not self.parts or not worse or question.at_floor(self.final):
+            return
+        free = None if self.moved else self._with_free_parameters()
+        self.moved = True
+        # In the floors that both are compared in.
+        again = alone.fit and question.rival(PARAMETERS, PARAMETERS, alone.fit)
+        if free and again and question.gap(free) <= question.gap(alone):
+            both = replace(free, kind=self.final.kind, name=self.final.name)
+            if question.ranked([both, again])[0].has_part:
+                self.final = both
+                return
+        self.final = alone
 
     def _without(self, fitted: Fit, order: Sequence[int]) -> Fit | None:
         """The model with only the parts in `order`, fitted again."""
