@@ -218,9 +218,9 @@ def simulate(
     are interpolated linearly between samples; smooth noisy temperatures first, since noise ratchets
     a hysteresis.
     forcing: what is added at places of the model, see `places`: one series (n,) for each (place,
-    side), row k in force over the interval that ends at t_s[k], or in the reading of t_s[k]. What
-    comes before a feed is replaced by it, the forcing included. laws: the same, made by the plant
-    from its own states, see `laws`.
+    side), row k in force over the interval that ends at t_s[k]; at a reading it is given to the
+    sensor at t_s[k]. What comes before a feed is replaced by it, the forcing included. laws: the
+    same, made by the plant from its own states, see `laws`.
     Without feeds the result is that of `Plant` driven sample by sample, to the last bit.
     Raises InputError, EffectError, ModelError, and SolverError with time and state.
     """

@@ -2,7 +2,8 @@
 
 A place and side has one slot, the order being that of `places.SLOTS`. Laws are a table with a row a
 term, see `laws.law_table`. They see the states at the end of the last substep; those at readings
-see the sample that is read.
+see the sample that is read. What is forced at a reading is given to its sensor, and the states that
+laws see have it, too: so a model that is a little off can be led along what was measured.
 """
 
 from __future__ import annotations
