@@ -18,7 +18,7 @@ import numpy as np
 
 from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.paired.difference import PairedRuns, pair_runs, question_of_pairs
-from smad.diagnosis.paired.good import MOST_OF_GOOD, good_runs
+from smad.diagnosis.paired.good import good_runs
 from smad.diagnosis.paired.match import grouped, same_programme
 from smad.diagnosis.places.bare import InWindows, unwrapped
 from smad.diagnosis.places.place import PlacesPlant
@@ -29,6 +29,9 @@ from smad.diagnosis.rivals.search import Search, run_search
 from smad.diagnosis.rivals.uncertainty import Precision
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say
+
+_MOST_OF_GOOD = 2
+"""Parts that may enter on the good runs: two explain most, and the rest becomes floor."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,7 +119,7 @@ def changed_runs(admitted: AdmittedRuns) -> Search:
     n = len(plant.parameters)
     admitted.say("the good runs")
     question = admitted.question(nominal_point(plant), admitted.good, (), admitted.floors)
-    good = run_search(question, most=MOST_OF_GOOD, exchange=False)
+    good = run_search(question, most=_MOST_OF_GOOD, exchange=False)
     counts = question.judged.counts.sum(axis=0)
     rms = np.sqrt(good.final.squares.sum(axis=0) / np.maximum(counts, 1.0))
     floors = admitted.floors * np.maximum(rms, 1.0)

@@ -33,8 +33,6 @@ from smad.diagnosis.rivals.search import run_search
 from smad.diagnosis.runs import GapRun, bridged
 from smad.progress import Say, silent
 
-MOST_OF_GOOD = 2
-"""Parts that may enter on the good runs: two explain most, and the rest becomes floor."""
 _CLOCK_SD_S = 0.004
 _CARRIED_SD = 0.4
 """Relative error of a difference that the model carries over, before good runs measure it: that of
@@ -254,7 +252,7 @@ def _good_point(
     if fitted is None:
         return question.model.start
     around = question_of(plant, fitted.point, evidence, effects=effects, say=say)
-    found = run_search(around, most=MOST_OF_GOOD, exchange=False, laws=False).final.fit
+    found = run_search(around, laws=False).final.fit
     return found.point if found else fitted.point
 
 

@@ -22,9 +22,10 @@ from smad.diagnosis.rivals.evidence import Evidence, weights
 from smad.diagnosis.rivals.fit import Fit, Reference, fit, model_beside, replayed
 from smad.diagnosis.rivals.parts import EffectPart
 
-_TRIED, _MOST = 16, 6
-"""Effects that one round of a fit tries beside each reference, and those that are fitted. The right
-one may have a small estimate: that of an exponent was the eleventh, and left least."""
+_TRIED, _ROUNDS, _MOST = 20, 2, 8
+"""Effects that so many rounds of a fit try beside each reference, and those that are fitted. The
+right one may have a small estimate: that of an exponent was the eleventh, and left least. After one
+round a front of cooling water was not among the first."""
 _FURTHEST = 3.0
 """A change is scaled by at most this factor."""
 _WORTH, _STARTS = 0.5, 4
@@ -131,7 +132,7 @@ def best_starts(
     """Coordinates from which to fit the effects that are worth it beside the reference.
 
     Of the first `_TRIED` and all without a strength, each is replayed from its starts and a weaker
-    one. A round of the fit from the start that leaves least, parameters marginalised, decides.
+    one. Rounds of the fit from the start that leaves least, parameters marginalised, decide.
     """
     variances = marginal_variances(evidence, reference)
     rows = evidence.counts.sum(axis=0)
@@ -154,7 +155,7 @@ def best_starts(
             start = min(starts, key=lambda start: least(s.part, start))
             x = np.concatenate([reference.x, start])
             model = model_beside(evidence, reference, s.part, x)
-            if fitted := fit(evidence, model, x, reference, rounds=1):
+            if fitted := fit(evidence, model, x, reference, rounds=_ROUNDS):
                 rounds.append((s.part, fitted))
     rounds.sort(key=lambda pair: pair[1].objective)
     return [

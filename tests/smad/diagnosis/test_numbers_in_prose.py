@@ -11,9 +11,8 @@ from evaluation.programme.separations import Limits
 from evaluation.score.answers import NAMED
 from sim_device.plant.laws import LAGS_S
 from smad.checkup.proposal import SEPARATED
-from smad.diagnosis import constants
+from smad.diagnosis import constants, questions
 from smad.diagnosis.data import grid, noise
-from smad.diagnosis.paired import good
 from smad.diagnosis.plant import Traits
 from smad.diagnosis.rivals import changes, evidence, laws, rival, score, screening, search
 from smad.diagnosis.verdict import AT_FLOOR
@@ -27,7 +26,7 @@ DIAGNOSIS, GUIDE, CHECK_UP, TRUST, EVALUATION = (
     "docs/trust.md",
     "evaluation/README.md",
 )
-NUMBERS = {2: "two", 3: "three", 4: "four", 5: "fifth", 6: "six", 10: "ten"}
+NUMBERS = {2: "two", 3: "three", 4: "four", 5: "fifth", 8: "eight", 10: "ten"}
 WEAK, TYPICAL = changes._LEVELS
 SHORT_S, LONG_S = LAGS_S
 MOST = Limits()
@@ -40,6 +39,7 @@ CLAIMS = [
     (DIAGNOSIS, f"fewer than {NUMBERS[evidence._FOLDS]} runs"),
     (DIAGNOSIS, f"at {WEAK:g} and {TYPICAL:g} times its typical strength"),
     (DIAGNOSIS, f"the {screening._TRIED} best effects"),
+    (DIAGNOSIS, f"with {NUMBERS[screening._ROUNDS]} rounds of a fit"),
     (DIAGNOSIS, f"the {NUMBERS[screening._MOST]} best, all effects"),
     (DIAGNOSIS, f"and {NUMBERS[search._LAWS]} laws"),
     (DIAGNOSIS, f"= {evidence.CORRELATED:g} rows count as one"),
@@ -49,7 +49,8 @@ CLAIMS = [
     (DIAGNOSIS, f"the spring pair's {NUMBERS[rival.CHANNELS]} channels"),
     (DIAGNOSIS, f"(by {constants._EFFECTS} effects and {score._LAWS} laws at least)"),
     (DIAGNOSIS, f"for {NUMBERS[search.MOST_CAUSES]} parts at most"),
-    (DIAGNOSIS, f"up to {NUMBERS[good.MOST_OF_GOOD]} causes"),
+    (DIAGNOSIS, f"up to {NUMBERS[questions._MOST_OF_GOOD]} causes"),
+    (DIAGNOSIS, f"up to {NUMBERS[search.MOST_CAUSES]} effects"),
     (DIAGNOSIS, f"probability above {1 - constants.shipped().credible_level:.2f}"),
     (GUIDE, f"A run needs {Traits().shortest_s:g} s and {grid.LEAST_PERIODS} [rows]"),
     (GUIDE, f"lacks a {NUMBERS[round(1 / readings._MOST_MISSING)]} of its samples"),
