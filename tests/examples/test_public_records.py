@@ -166,8 +166,8 @@ def test_the_gap_with_the_first_causes_is_that_of_these_alone_where_one_was_exch
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The right one is not fitted at first, and takes the place of another one later.
-    for name in ("_TRIED", "_MOST"):
-        monkeypatch.setattr(f"smad.diagnosis.rivals.screening.{name}", 3)
+    for name, few in (("_TRIED", 3), ("_MOST", 3), ("_ROUNDS", 1)):
+        monkeypatch.setattr(f"smad.diagnosis.rivals.screening.{name}", few)
     spilling = {"upper_overflow": {"size": 0.9, "upper_rim_V": 10.0, "to_lower": 0.1}}
     asked = tanks_file(tmp_path, spilling).asked(tmp_path)
     answer = diagnose([*asked.fit, *asked.hold_out], TANKS.simulator)
