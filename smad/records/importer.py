@@ -27,7 +27,7 @@ from smad.runlog.export import header_path
 from smad.runlog.header import RunHeader
 from smad.runlog.holes import holes_in, words
 from smad.runlog.schema import CHANNELS, Event, LinkSample, Record, Row
-from smad.runlog.writer import write_run
+from smad.runlog.writer import require_new, write_run
 
 _ROWS_AT_ONCE = 10_000
 _PLAUSIBLE = {
@@ -67,7 +67,8 @@ def import_table(
     Raises LogImportError for a file that cannot be used, RunLogError for a target that cannot be
     written.
     """
-    source = Path(source)
+    source, target = Path(source), Path(target)
+    require_new(target)
     mapping = mapping or MappingFile()
     named = channels_of(open_table(source, mapping.csv), mapping)
     assignment = named.assignment
@@ -81,7 +82,6 @@ def import_table(
     beside = _read_beside(source)
     header = _header(source, beside.header, assignment, columns)
     records = _records(columns, beside)
-    target = Path(target)
     write_run(target, header, records)
     return Imported(
         path=target,

@@ -246,15 +246,25 @@ def write_run(
     return packer.packed
 
 
+def require_new(path: Path) -> None:
+    """Raises RunLogError for a log that is there already."""
+    if path.exists():
+        raise _taken(path)
+
+
+def _taken(path: Path) -> RunLogError:
+    return RunLogError(
+        f"{path} is there already", action="choose another name; logs are never overwritten"
+    )
+
+
 def create_log(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
     """Create a log with its header. Raises RunLogError when it is there already or cannot be."""
     make_folder(path.parent)
     try:
         file = FileIO(path, "xb")
     except FileExistsError:
-        raise RunLogError(
-            f"{path} is there already", action="choose another name; logs are never overwritten"
-        ) from None
+        raise _taken(path) from None
     except OSError as error:
         raise RunLogError(
             f"cannot create {path}: {error.strerror}",

@@ -278,6 +278,15 @@ def test_a_fraction_whose_name_says_percent_is_refused(tmp_path: Path) -> None:
     assert list(read_channels(file, mapping=mapping).columns["duty_x"]) == [0.004, 0.01]
 
 
+def test_an_import_onto_a_log_that_is_there_is_refused_before_the_table_is_read(
+    tmp_path: Path,
+) -> None:
+    there = tmp_path / "run.mcap"
+    there.write_bytes(b"")
+    with pytest.raises(RunLogError, match="is there already"):
+        import_table(tmp_path / "no such table.csv", there)
+
+
 def test_a_table_without_a_channel_is_not_imported(tmp_path: Path) -> None:
     table = tmp_path / "other.csv"
     table.write_text("t_s,temp\n0,1\n1,2\n")
