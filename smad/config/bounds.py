@@ -55,8 +55,8 @@ def refusal_of(command: msgspec.Struct) -> tuple[str, str] | None:
     except msgspec.ValidationError as error:
         name, bound = field_and_words(str(error))
         unit, value = f" {units.in_words(units.unit_of(name))}".rstrip(), values.get(name)
-        told = units.quantity(name, value) if isinstance(value, int | float) else repr(value)
-        return name, f"{told}: {bound}{unit}"
+        typed = units.quantity(name, value) if isinstance(value, int | float) else repr(value)
+        return name, f"{typed}: {bound}{unit}"
     return None
 
 

@@ -1,4 +1,4 @@
-"""Good recordings of the same inputs: their mean, and how they differ."""
+"""Good recordings of the same inputs: their mean, their model, and how they differ."""
 
 from __future__ import annotations
 

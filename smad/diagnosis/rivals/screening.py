@@ -1,7 +1,8 @@
-"""Screening: which effects of the library are worth a fit, by a linear estimate.
+"""Screening: which effects of the library are worth a fit.
 
-At a reference the change by an effect is scaled to explain most of the residual, with the
-parameters marginalised. Parameters that have moved to imitate an effect hide it, so effects are
+At a reference the change by an effect, and that by its strengths together, is scaled to explain
+most of the residual, with the parameters marginalised. A few rounds of a fit choose among the best
+by that linear estimate. Parameters that have moved to imitate an effect hide it, so effects are
 screened at several references. A change is not linear in the values of its effect: a fit starts
 where a replay leaves least. An effect without a strength is always fitted, since a linear estimate
 of it means nothing.
@@ -74,10 +75,10 @@ def screen(evidence: Evidence, reference: Reference, changes: Sequence[Change]) 
     marginalised = marginaliser(evidence, reference)
     z = marginalised(residual[None])[0]
     promising: dict[str, list[tuple[float, Array]]] = {}
-    of_shape: dict[tuple[str, tuple[float, ...]], dict[EffectParameter, Array]] = {}
+    by_shape: dict[tuple[str, tuple[float, ...]], dict[EffectParameter, Array]] = {}
     parts = {change.effect.name: EffectPart(change.effect) for change in changes}
 
-    def promise(effect: Effect, gain: float, values: Mapping[str, float]) -> None:
+    def add_start(effect: Effect, gain: float, values: Mapping[str, float]) -> None:
         start = np.clip(parts[effect.name].coordinates(values), *parts[effect.name].bounds())
         promising.setdefault(effect.name, []).append((gain, start))
 
@@ -87,20 +88,20 @@ def screen(evidence: Evidence, reference: Reference, changes: Sequence[Change]) 
         effect = change.effect
         strengths = {q.name for q in effect.parameters if q.strength}
         if (alone := change.alone) is not None and square > 0.0:
-            of_shape.setdefault((effect.name, change.shape), {})[alone] = s
+            by_shape.setdefault((effect.name, change.shape), {})[alone] = s
         if strengths and (square <= 0.0 or along <= 0.0):
             continue
         scale = min(along / square, _FURTHEST) if strengths else 1.0
         gain = 2.0 * scale * along - scale**2 * square
         scaled = {n: v * scale if n in strengths else v for n, v in change.values.items()}
-        promise(effect, gain, scaled)
-    for (name, shape), columns in of_shape.items():
+        add_start(effect, gain, scaled)
+    for (name, shape), columns in by_shape.items():
         if len(columns) > 1:
-            gain, values = _together(columns, z)
+            gain, values = _strengths_together(columns, z)
             effect = parts[name].effect
             shapes = (q.name for q in effect.parameters if not q.strength)
             absent = {q.name: 0.0 for q in effect.parameters if q.strength}
-            promise(effect, gain, absent | values | dict(zip(shapes, shape, strict=True)))
+            add_start(effect, gain, absent | values | dict(zip(shapes, shape, strict=True)))
     out = []
     for name, pairs in promising.items():
         pairs.sort(key=lambda pair: -pair[0])
@@ -112,7 +113,9 @@ def screen(evidence: Evidence, reference: Reference, changes: Sequence[Change]) 
     return sorted(out, key=lambda s: -s.gain)
 
 
-def _together(columns: Mapping[EffectParameter, Array], z: Array) -> tuple[float, dict[str, float]]:
+def _strengths_together(
+    columns: Mapping[EffectParameter, Array], z: Array
+) -> tuple[float, dict[str, float]]:
     """The gain of all strengths of an effect together, and their values.
 
     Strengths whose changes nearly cancel explain little alone.

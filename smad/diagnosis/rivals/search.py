@@ -9,7 +9,7 @@ each earlier part is exchanged for a better one, the others kept.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -18,14 +18,12 @@ from smad.diagnosis.constants import shipped
 from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.changes import Change, changes_at
+from smad.diagnosis.rivals.competing import POLISHED, WITHIN, CompetingFits
 from smad.diagnosis.rivals.fit import (
-    NAT,
     Fit,
     Reference,
     fit,
-    model_beside,
     objective_at,
-    polished,
     reference_at,
     reference_of,
 )
@@ -41,8 +39,6 @@ _LAWS = 4
 """Number of places whose law is fitted."""
 _LIKELIER = 0.5
 """A part enters if something is missing with more than this probability."""
-_POLISHED, _WITHIN = 3, 60.0
-"""Number of fits that are carried on to convergence, and how far above the best one F may be."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -161,9 +157,7 @@ class Search:
         if entered is not None:
             self.moved |= entered.kind == PARAMETERS
             effects = sorted((r for r in ranked if r.kind == EFFECT), key=question.log_weight)
-            self.imitated_effects = (
-                tuple(effects[-_POLISHED:]) if entered.kind == PARAMETERS else ()
-            )
+            self.imitated_effects = tuple(effects[-POLISHED:]) if entered.kind == PARAMETERS else ()
             self.final = self._exchange_parts(entered) if self.exchange else entered
             self._ask_beside()
         self.steps.append(Step(rivals=tuple(ranked), entered=entered))
@@ -209,7 +203,7 @@ class Search:
         # Until a part has entered, free parameters may still be far from the minimum.
         near = self.question.tied is not None or bool(self.parts)
         starts = [(beside.fit.x[: len(fitted.x)], near)]
-        if fitted.objective < beside.fit.objective + _WITHIN:
+        if fitted.objective < beside.fit.objective + WITHIN:
             starts.append((fitted.x, True))
         best, least_objective = rival, fitted.objective
         for x, near in starts:
@@ -255,7 +249,7 @@ class Search:
             if not part.has_strength:
                 # What is there or not promises nothing in a linear picture, but has been fitted.
                 gain = without.objective - fitted.objective
-            fits = _Fits(question, without=np.inf)
+            fits = CompetingFits(question, without=np.inf)
             better = [s for s in candidates if s.gain > gain]
             for effect, start in best_starts(question.evidence, base, better):
                 fits.begin(EFFECT, base, effect, start)
@@ -333,7 +327,7 @@ class Search:
         if base is None:
             return []
         without = question.gap(current)
-        fits = _Fits(question, without=without)
+        fits = CompetingFits(question, without=without)
         references = [base]
         if self.moved and not self.parts:
             # Parameters that have moved to imitate an effect hide it.
@@ -354,7 +348,7 @@ class Search:
             plant, point = base.model.plant, base.model.point(base.x)
             self.responses = responses(plant, point, e.played, progress=question.say)
         present = {part.name for part in base.model.parts}
-        laws = _Fits(question, without=without, least_objective=fits.least_objective)
+        laws = CompetingFits(question, without=without, least_objective=fits.least_objective)
         for law, start in selected_laws(e, base, self.responses)[:_LAWS]:
             if law.name not in present:
                 laws.begin(LAW, base, law, np.r_[base.x, start])
@@ -408,60 +402,3 @@ def _effect_in_place_of_law(rival: Rival, ranked: Sequence[Rival]) -> Rival:
         return rival
     effects = (r for r in ranked if r.kind == EFFECT and set(r.places) & set(rival.places))
     return next((r for r in effects if r.scores.sum() >= rival.scores.sum()), rival)
-
-
-@dataclass(eq=False)
-class _Fits:
-    """Competing fits: a few rounds for all, the best are carried on to convergence.
-
-    `without` is the gap of the simulator without a new part, `least_objective` the smallest F so
-    far; `by_name` has the kind and the fit of each name.
-    """
-
-    question: Question
-    without: float
-    least_objective: float = np.inf
-    by_name: dict[str, tuple[str, Fit]] = field(default_factory=dict)
-
-    def begin(self, kind: str, reference: Reference, part: Part, start: Array) -> None:
-        """Fit a part beside a reference for a few rounds; keep the better fit of a name."""
-        e = self.question.evidence
-        self.question.say(f"fitting {part.name}")
-        model = model_beside(e, reference, part, start)
-        fitted = fit(e, model, start, reference, enough=NAT)
-        earlier = self.by_name.get(part.name)
-        if fitted and (earlier is None or fitted.objective < earlier[1].objective):
-            self.by_name[part.name] = kind, fitted
-            self.least_objective = min(self.least_objective, fitted.objective)
-
-    def rivals(self) -> list[Rival]:
-        """The fits as rivals."""
-        question, near = self.question, []
-        best = sorted(self.by_name, key=lambda name: (self.by_name[name][1].objective, name))
-        for name in best[:_POLISHED]:
-            kind, fitted = self.by_name[name]
-            if fitted.objective < self.least_objective + _WITHIN:
-                near.append(name)
-                fitted = polished(question.evidence, fitted)
-                self.by_name[name] = kind, fitted
-                self.least_objective = min(self.least_objective, fitted.objective)
-        scored = {name: question.rival(kind, name, f) for name, (kind, f) in self.by_name.items()}
-        # Where good runs tie the parameters, all fits have the tempered prior already.
-        for name in near if question.tied is None else ():
-            kind, fitted = self.by_name[name]
-            scored[name] = self._likelier_refit(scored[name], kind, name, fitted)
-        return [r for r in scored.values() if r is not None]
-
-    def _likelier_refit(
-        self, rival: Rival | None, kind: str, name: str, fitted: Fit
-    ) -> Rival | None:
-        """The rival, or its refit with the tempered prior if that is likelier and explains
-        something, that is, leaves a smaller gap than the simulator without a part.
-        """
-        question = self.question
-        steady = question.refit_with_tempered_prior(kind, name, fitted)
-        if rival is None or steady is None:
-            return rival or steady
-        likelier = question.log_weight(steady) >= question.log_weight(rival)
-        explains = question.gap(steady) < max(self.without, question.gap(rival))
-        return steady if likelier and explains else rival

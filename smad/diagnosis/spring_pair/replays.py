@@ -35,6 +35,7 @@ _SENSORS = {
     "displacement_mm": ("reading_displacement", "both", 1e-3),
     "force_N": ("reading_force", "both", 1.0),
 }
+"""Place, side and SI unit of the sensor behind a channel, where it may lag, slip or creep."""
 _OUTPUTS = ("i_x_A", "i_y_A", "v_x_V", "v_y_V", "rtd_inlet_degC", "rtd_ambient_degC", *_READINGS)
 
 
@@ -119,10 +120,7 @@ class GivenRun:
         return inputs.surrounded(inlet_K, ambient_K, point.root["y"])
 
     def offsets(self, t_s: Array) -> dict[tuple[str, str], Array]:
-        """The forcing of the sensors by the run's offsets, at times (m,).
-
-        Electrical readings, water and room have no sensor that follows or distorts.
-        """
+        """The forcing of the sensors by the run's offsets, at times (m,)."""
         given = self.run.as_recorded.offsets
         return {
             (place, side): unit * np.interp(t_s, *given[channel])

@@ -19,7 +19,9 @@ from smad.processes import oom
 from smad.processes.parent import begin_worker
 
 PATIENCE_S = 60.0
+"""How long the page waits for an answer of the reader."""
 NICER = 10
+"""The daemon's loop comes first."""
 P = ParamSpec("P")
 T = TypeVar("T")
 

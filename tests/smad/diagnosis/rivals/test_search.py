@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from smad.diagnosis.rivals import search as searching
+from smad.diagnosis.rivals.competing import CompetingFits
 from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import EffectPart, Model
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, NOTHING, PARAMETERS
-from smad.diagnosis.rivals.search import Search, _Fits, _halfway_starts
+from smad.diagnosis.rivals.search import Search, _halfway_starts
 from smad.diagnosis.spring_pair import SmaPlant
 
 
@@ -61,7 +62,7 @@ class Steady:
 def test_a_fit_is_steadied_only_where_the_part_then_explains_something(
     steady: float, taken: float
 ) -> None:
-    fits = _Fits(cast(Any, Steady(steady)), without=15.0)
+    fits = CompetingFits(cast(Any, Steady(steady)), without=15.0)
     made = fits._likelier_refit(cast(Any, Leaving(10.0)), "law", "law:input", cast(Any, None))
     assert cast(Any, made).floors == taken
 
