@@ -135,6 +135,18 @@ def reference_of(evidence: Evidence, fitted: Fit) -> Reference | None:
     return reference_at(evidence, fitted.model, fitted.x, fitted)
 
 
+def _without_predictions(fitted: Fit) -> Reference:
+    """The reference at a fit for an exact one, which uses its slopes alone."""
+    return Reference(
+        model=fitted.model,
+        x=fitted.x,
+        exact=(),
+        averaged=(),
+        slopes=fitted.slopes,
+        linearized_at=fitted.linearized_at,
+    )
+
+
 def slopes_at(evidence: Evidence, model: Model, x: Array, which: Sequence[int]) -> Array:
     """Derivatives of the rows by the coordinates `which` at `x`, (len(which), n).
 
@@ -361,7 +373,8 @@ def polished(evidence: Evidence, fitted: Fit, *, offset: float = 1.0, exact: boo
     Slopes of the parameters are computed again where `reusable_slopes` has none.
     """
     for _ in range(_POLISHES):
-        base = reference_of(evidence, replace(fitted, slopes=reusable_slopes(fitted)))
+        again = replace(fitted, slopes=reusable_slopes(fitted))
+        base = _without_predictions(again) if exact else reference_of(evidence, again)
         refitted = base and fit(
             evidence,
             fitted.model,

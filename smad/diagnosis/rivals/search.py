@@ -75,8 +75,8 @@ class Search:
     `configured` is the simulator as it was, `parameters` with fitted parameters and no part,
     `final` with everything that entered. `moved`: fitted parameters have entered; they are free
     from then on and tied before. `changes` by effects are at the `nominal` simulator; `responses`
-    of laws are computed when first needed. `imitated_effects` are the best effects of the step in
-    which fitted parameters entered.
+    of laws are computed when first needed. `free` is `final` with free parameters, once fitted.
+    `imitated_effects` are the best effects of the step in which fitted parameters entered.
     """
 
     question: Question
@@ -90,6 +90,7 @@ class Search:
     responses: Responses | None
     exchange: bool
     laws: bool
+    free: Rival | None = None
     imitated_effects: tuple[Rival, ...] = ()
 
     @classmethod
@@ -159,6 +160,7 @@ class Search:
             effects = sorted((r for r in ranked if r.kind == EFFECT), key=question.log_weight)
             self.imitated_effects = tuple(effects[-POLISHED:]) if entered.kind == PARAMETERS else ()
             self.final = self._exchange_parts(entered) if self.exchange else entered
+            self.free = None
             self._ask_beside()
         self.steps.append(Step(rivals=tuple(ranked), entered=entered))
         return self.steps[-1]
@@ -215,6 +217,8 @@ class Search:
                 best, least_objective = refitted, refitted.fit.objective
         if rival.fit is self.parameters.fit:
             self.parameters = best
+        if rival is self.free:
+            self.free = best
         if rival.fit is self.final.fit:
             self.final = replace(best, kind=self.final.kind, name=self.final.name)
         return best
@@ -224,11 +228,10 @@ class Search:
         fitted = self.final.fit
         if fitted is None or not self.parts:
             return self.parameters
-        base = reference_of(self.question.evidence, fitted)
-        free = fitted.model.with_precision(self.question.model.parameter_precision)
-        if base is None:
-            return None
-        return self.question.fitted(PARAMETERS, PARAMETERS, replace(base, model=free))
+        if self.free is None and (base := reference_of(self.question.evidence, fitted)):
+            free = fitted.model.with_precision(self.question.model.parameter_precision)
+            self.free = self.question.fitted(PARAMETERS, PARAMETERS, replace(base, model=free))
+        return self.free
 
     def _exchange_parts(self, current: Rival) -> Rival:
         """The model with each part before its last exchanged for a better one, the others kept."""
