@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ from smad.diagnosis.plant import (
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import catalogue, signals
 from smad.diagnosis.spring_pair.recorded import recorded
-from smad.diagnosis.spring_pair.replays import GivenPoint, GivenRun, OneReplay, Recent
+from smad.diagnosis.spring_pair.replays import GivenPoint, GivenRun, OneReplay
 
 _POINTS = 64
 _RUNS = 64
@@ -97,14 +98,18 @@ class SmaPlant:
     regimes = staticmethod(signals.regimes)
 
     @cached_property
-    def given_points(self) -> Recent[ModelPoint, GivenPoint]:
-        """Prepared model points, enough for those that are replayed together."""
-        return Recent(_POINTS)
+    def _given_point(self) -> Callable[[ModelPoint], GivenPoint]:
+        """A model point as it is replayed; as many are kept as are replayed together."""
+        return lru_cache(_POINTS)(partial(GivenPoint, self))
 
     @cached_property
-    def given_runs(self) -> Recent[GapRun, GivenRun]:
-        """Prepared runs, enough for all of a diagnosis."""
-        return Recent(_RUNS)
+    def _given_run(self) -> Callable[[GapRun], GivenRun]:
+        """A run as it is replayed; all of a diagnosis are kept."""
+        return lru_cache(_RUNS)(GivenRun)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy sent elsewhere begins without what is kept."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
     def version(self) -> str:
@@ -204,9 +209,7 @@ class SmaPlant:
         return self._replay(point, run, fast=fast).forced(forcing)
 
     def _replay(self, point: ModelPoint, run: GapRun, *, fast: bool) -> OneReplay:
-        given = self.given_points.of(point, lambda: GivenPoint(self, point))
-        of_run = self.given_runs.of(run, lambda: GivenRun(run))
-        return OneReplay(point=given, run=of_run, fast=fast)
+        return OneReplay(point=self._given_point(point), run=self._given_run(run), fast=fast)
 
     def catalogue(self) -> Sequence[Experiment]:
         return tuple(
