@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -76,6 +76,7 @@ _FLOW_EFFECT = "uneven_flow"
 _FLOW_SHARE = (_FLOW_EFFECT, ".", "share")
 # What of these a model file keeps as mounting, and its name there; the flow is kept as an effect.
 _KEPT_APART = {"side_resistance": "side_resistance", "displacement_zero": "displacement_zero_mm"}
+_Record = TypeVar("_Record", Place, EffectParameter, Effect)
 _RANGES = {(e.name, q.name): (q.low, q.high) for e in EFFECTS for q in e.parameters}
 
 
@@ -171,17 +172,7 @@ class SmaPlant:
         for entry in PLACES:
             with contextlib.suppress(InputError):
                 check_place_needs(entry.name, options)
-                offered.append(
-                    Place(
-                        name=entry.name,
-                        label=entry.label,
-                        unit=entry.unit,
-                        scale=entry.scale,
-                        sides=entry.sides,
-                        states=entry.states,
-                        reading=entry.reading,
-                    )
-                )
+                offered.append(_like(Place, entry))
         return tuple(offered)
 
     def trajectory(
@@ -350,30 +341,17 @@ class SmaPlant:
 
 
 def _effect(entry: RegistryEffect) -> Effect:
-    return Effect(
-        name=entry.name,
-        title=entry.title,
-        sub_model=entry.subsystem,
-        signals=entry.signals,
-        equation=entry.equation,
-        confused_with=entry.confused_with,
-        separates=entry.separated_by,
-        reference=entry.reference,
-        places=entry.places,
-        parameters=tuple(
-            EffectParameter(
-                name=q.name,
-                unit=q.unit,
-                typical=q.typical,
-                low=q.low,
-                high=q.high,
-                strength=q.is_strength,
-                meaning=q.meaning,
-            )
-            for q in entry.parameters
-            if not q.switch
-        ),
+    parameters = tuple(
+        _like(EffectParameter, q, strength=q.is_strength) for q in entry.parameters if not q.switch
     )
+    own = {"parameters": parameters, "sub_model": entry.subsystem, "separates": entry.separated_by}
+    return _like(Effect, entry, **own)
+
+
+def _like(kind: type[_Record], entry: object, **own: Any) -> _Record:
+    """A record of the diagnosis with the fields of one of `sim_device.plant`, but its `own`."""
+    names = (f.name for f in fields(kind) if f.name not in own)
+    return kind(**{name: getattr(entry, name) for name in names}, **own)
 
 
 def _clipped(value: float, low: float, high: float) -> float:
