@@ -16,7 +16,6 @@ from smad.checkup.series import Play, Player, Recorded
 from smad.config import parse_config
 from smad.control.plan import Plan
 from smad.errors import SmadError
-from smad.experiments.driver import log_path
 from smad.experiments.errors import EndedEarlyError, TrippedError
 from smad.experiments.repeating import RecordedInputs, read_recorded_inputs
 from smad.experiments.replayer import RestFirstDriver
@@ -49,14 +48,7 @@ def simulated(model: Model, *, seed: int) -> Iterator[Player]:
             def play(run: ProgrammeRun, original: Path | None) -> Recorded:
                 plan, _ = _planned(run, original)
                 driver = VirtualDriver(model, seed=next(seeds) & 0xFFFF_FFFF, folder=folder)
-                ended = ""
-                try:
-                    driver.run(plan)
-                except EndedEarlyError as error:
-                    ended = error.cause
-                except TrippedError as error:
-                    ended = _trip(error, original)
-                return Recorded(log_path(folder, plan), ended, run.duration_s)
+                return Recorded(*_carried_out(driver, plan, original), run.duration_s)
 
             return play
 
@@ -109,17 +101,9 @@ class LivePlayer:
             sleep=time.sleep,
         )
         self._armed = True
-        ended, began_s = "", self._client.motion().board_time_s
-        try:
-            driver.run(plan)
-        except EndedEarlyError as error:
-            ended = error.cause
-        except TrippedError as error:
-            if driver.log is None:
-                raise
-            ended = _trip(error, original)
-        assert driver.log is not None
-        return Recorded(driver.log, ended, self._client.motion().board_time_s - began_s)
+        began_s = self._client.motion().board_time_s
+        log, ended = _carried_out(driver, plan, original)
+        return Recorded(log, ended, self._client.motion().board_time_s - began_s)
 
     def disarm(self) -> None:
         """Leave the bench disarmed, if it was ever armed; a daemon that is gone has done so."""
@@ -128,12 +112,22 @@ class LivePlayer:
                 self._client.disarm()
 
 
-def _trip(error: TrippedError, original: Path | None) -> str:
-    """Why a run that repeats another was ended by a fault; it counts as far as it goes.
+def _carried_out(
+    driver: VirtualDriver | RestFirstDriver, plan: Plan, original: Path | None
+) -> tuple[Path, str]:
+    """Carry out a plan; return its log, and why it was ended early, empty where it was not.
 
-    A bench with a trouble may trip where it did not when it was good. Raises the error where
-    nothing is repeated: that is no good run.
+    A bench with a trouble may trip where it did not when it was good, so a run that repeats another
+    counts as far as it goes. Raises TrippedError where nothing is repeated: that is no good run.
     """
-    if original is None:
-        raise error
-    return f"{error.cause} ({error.value})"
+    ended = ""
+    try:
+        driver.run(plan)
+    except EndedEarlyError as error:
+        ended = error.cause
+    except TrippedError as error:
+        if original is None or driver.log is None:
+            raise
+        ended = f"{error.cause} ({error.value})"
+    assert driver.log is not None
+    return driver.log, ended

@@ -140,11 +140,12 @@ class Experiment:
     command: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class ModelPoint:
     """A point of the model space: parameters by name, effects that are on with their values.
 
-    laws: what is missing at places, as the plant itself writes it.
+    laws: what is missing at places, as the plant itself writes it. Plants may keep what they made
+    of a point, by its identity.
     """
 
     theta: Mapping[str, float]

@@ -14,7 +14,7 @@ from smad.diagnosis.errors import GapError
 from smad.records.units import Written
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GapRun:
     """One recorded run.
 

@@ -135,18 +135,6 @@ def reference_of(evidence: Evidence, fitted: Fit) -> Reference | None:
     return reference_at(evidence, fitted.model, fitted.x, fitted)
 
 
-def _without_predictions(fitted: Fit) -> Reference:
-    """The reference at a fit for an exact one, which uses its slopes alone."""
-    return Reference(
-        model=fitted.model,
-        x=fitted.x,
-        exact=(),
-        averaged=(),
-        slopes=fitted.slopes,
-        linearized_at=fitted.linearized_at,
-    )
-
-
 def slopes_at(evidence: Evidence, model: Model, x: Array, which: Sequence[int]) -> Array:
     """Derivatives of the rows by the coordinates `which` at `x`, (len(which), n).
 
@@ -297,7 +285,7 @@ def fit(
     evidence: Evidence,
     model: Model,
     start: Array,
-    reference: Reference,
+    reference: Reference | Fit,
     *,
     rounds: int = _ROUNDS,
     enough: float = _ENOUGH,
@@ -374,7 +362,7 @@ def polished(evidence: Evidence, fitted: Fit, *, offset: float = 1.0, exact: boo
     """
     for _ in range(_POLISHES):
         again = replace(fitted, slopes=reusable_slopes(fitted))
-        base = _without_predictions(again) if exact else reference_of(evidence, again)
+        base = again if exact else reference_of(evidence, again)
         refitted = base and fit(
             evidence,
             fitted.model,

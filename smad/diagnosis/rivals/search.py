@@ -181,7 +181,7 @@ class Search:
         something for certain may lack several things, which share the probability: there a rival
         need only be likelier than nothing more.
         """
-        same, more = _without_new_part(ranked), [r for r in ranked if r.has_part]
+        same, more = ([r for r in ranked if r.has_part == with_part] for with_part in (False, True))
         score, sure = self.final.scores.sum(), self.question.incomplete(same)
         nearer = [r for r in more if r.probability > 0.0 and r.scores.sum() > score]
         if self.parts and self.question.tied is not None:
@@ -376,11 +376,6 @@ class Search:
             beside = model.with_parts([*model.parts, part])
             if isinstance(part, EffectPart) and objective_at(e, beside, x) < without:
                 yield part, x
-
-
-def _without_new_part(ranked: Sequence[Rival]) -> list[Rival]:
-    """The rivals without a new part, the likeliest first."""
-    return [r for r in ranked if not r.has_part]
 
 
 def _halfway_starts(

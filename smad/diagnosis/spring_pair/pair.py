@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -32,7 +33,7 @@ from smad.diagnosis.plant import (
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import catalogue, signals
 from smad.diagnosis.spring_pair.recorded import recorded
-from smad.diagnosis.spring_pair.replays import GivenPoint, GivenRun, OneReplay, Recent
+from smad.diagnosis.spring_pair.replays import GivenPoint, GivenRun, OneReplay
 
 _POINTS = 64
 _RUNS = 64
@@ -75,6 +76,7 @@ _FLOW_EFFECT = "uneven_flow"
 _FLOW_SHARE = (_FLOW_EFFECT, ".", "share")
 # What of these a model file keeps as mounting, and its name there; the flow is kept as an effect.
 _KEPT_APART = {"side_resistance": "side_resistance", "displacement_zero": "displacement_zero_mm"}
+_Record = TypeVar("_Record", Place, EffectParameter, Effect)
 _RANGES = {(e.name, q.name): (q.low, q.high) for e in EFFECTS for q in e.parameters}
 
 
@@ -97,14 +99,18 @@ class SmaPlant:
     regimes = staticmethod(signals.regimes)
 
     @cached_property
-    def given_points(self) -> Recent[ModelPoint, GivenPoint]:
-        """Prepared model points, enough for those that are replayed together."""
-        return Recent(_POINTS)
+    def _given_point(self) -> Callable[[ModelPoint], GivenPoint]:
+        """A model point as it is replayed; as many are kept as are replayed together."""
+        return lru_cache(_POINTS)(partial(GivenPoint, self))
 
     @cached_property
-    def given_runs(self) -> Recent[GapRun, GivenRun]:
-        """Prepared runs, enough for all of a diagnosis."""
-        return Recent(_RUNS)
+    def _given_run(self) -> Callable[[GapRun], GivenRun]:
+        """A run as it is replayed; all of a diagnosis are kept."""
+        return lru_cache(_RUNS)(GivenRun)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy sent elsewhere begins without what is kept."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
     def version(self) -> str:
@@ -166,17 +172,7 @@ class SmaPlant:
         for entry in PLACES:
             with contextlib.suppress(InputError):
                 check_place_needs(entry.name, options)
-                offered.append(
-                    Place(
-                        name=entry.name,
-                        label=entry.label,
-                        unit=entry.unit,
-                        scale=entry.scale,
-                        sides=entry.sides,
-                        states=entry.states,
-                        reading=entry.reading,
-                    )
-                )
+                offered.append(_like(Place, entry))
         return tuple(offered)
 
     def trajectory(
@@ -204,9 +200,7 @@ class SmaPlant:
         return self._replay(point, run, fast=fast).forced(forcing)
 
     def _replay(self, point: ModelPoint, run: GapRun, *, fast: bool) -> OneReplay:
-        given = self.given_points.of(point, lambda: GivenPoint(self, point))
-        of_run = self.given_runs.of(run, lambda: GivenRun(run))
-        return OneReplay(point=given, run=of_run, fast=fast)
+        return OneReplay(point=self._given_point(point), run=self._given_run(run), fast=fast)
 
     def catalogue(self) -> Sequence[Experiment]:
         return tuple(
@@ -347,30 +341,17 @@ class SmaPlant:
 
 
 def _effect(entry: RegistryEffect) -> Effect:
-    return Effect(
-        name=entry.name,
-        title=entry.title,
-        sub_model=entry.subsystem,
-        signals=entry.signals,
-        equation=entry.equation,
-        confused_with=entry.confused_with,
-        separates=entry.separated_by,
-        reference=entry.reference,
-        places=entry.places,
-        parameters=tuple(
-            EffectParameter(
-                name=q.name,
-                unit=q.unit,
-                typical=q.typical,
-                low=q.low,
-                high=q.high,
-                strength=q.is_strength,
-                meaning=q.meaning,
-            )
-            for q in entry.parameters
-            if not q.switch
-        ),
+    parameters = tuple(
+        _like(EffectParameter, q, strength=q.is_strength) for q in entry.parameters if not q.switch
     )
+    own = {"parameters": parameters, "sub_model": entry.subsystem, "separates": entry.separated_by}
+    return _like(Effect, entry, **own)
+
+
+def _like(kind: type[_Record], entry: object, **own: Any) -> _Record:
+    """A record of the diagnosis with the fields of one of `sim_device.plant`, but its `own`."""
+    names = (f.name for f in fields(kind) if f.name not in own)
+    return kind(**{name: getattr(entry, name) for name in names}, **own)
 
 
 def _clipped(value: float, low: float, high: float) -> float:

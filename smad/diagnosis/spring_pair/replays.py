@@ -6,14 +6,12 @@ point alone is computed once (`GivenRun`, `GivenPoint`) and cached.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim_device.plant import ParameterSet
 from sim_device.plant.errors import SolverError
 from sim_device.plant.replay import Inputs, Replay, trajectory
 from sim_device.plant.setup import Setup
@@ -23,6 +21,9 @@ from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import TRAITS, means_over_pieces
 from smad.diagnosis.spring_pair.steps import LONGEST_STEP_S, STEP_S, Steps
+
+if TYPE_CHECKING:
+    from smad.diagnosis.spring_pair.pair import SmaPlant
 
 _OPTIONS = {"fixture": "antagonistic", "cooling": "water"}
 _FAST_STEP_S = 1e-2
@@ -39,55 +40,10 @@ _SENSORS = {
 _OUTPUTS = ("i_x_A", "i_y_A", "v_x_V", "v_y_V", "rtd_inlet_degC", "rtd_ambient_degC", *_READINGS)
 
 
-_Source = TypeVar("_Source")
-_Made = TypeVar("_Made")
-
-
-class Recent(Generic[_Source, _Made]):
-    """A cache of what was made of the latest `most` sources, by identity.
-
-    A source must not change; it is kept, so that no other object gets its identity. Threads may
-    make the same thing twice at worst. A pickled copy is empty.
-    """
-
-    def __init__(self, most: int) -> None:
-        self._most = most
-        self._made: dict[int, tuple[_Source, _Made]] = {}
-
-    def __len__(self) -> int:
-        return len(self._made)
-
-    def __reduce__(self) -> tuple[type[Recent[_Source, _Made]], tuple[int]]:
-        return type(self), (self._most,)
-
-    def of(self, source: _Source, make: Callable[[], _Made]) -> _Made:
-        """What was made of `source`, made now if it is not cached."""
-        entry = self._made.get(id(source))
-        if entry is not None and entry[0] is source:
-            return entry[1]
-        made = make()
-        # A list at once: another thread may add to the dictionary meanwhile.
-        for old in list(self._made)[: len(self._made) - self._most + 1]:
-            self._made.pop(old, None)
-        self._made[id(source)] = source, made
-        return made
-
-
-class PointReader(Protocol):
-    """How the spring pair reads a model point (see `SmaPlant`)."""
-
-    @property
-    def parameter_set(self) -> ParameterSet: ...
-    @property
-    def variant(self) -> str: ...
-    def set_of(self, theta: Mapping[str, float]) -> ParameterSet: ...
-    def acting(self, point: ModelPoint) -> dict[str, dict[str, float]]: ...
-
-
 class GivenPoint:
     """A model point as the kernel takes it. Raises PlantError where the plant refuses it."""
 
-    def __init__(self, plant: PointReader, point: ModelPoint) -> None:
+    def __init__(self, plant: SmaPlant, point: ModelPoint) -> None:
         self.variant, self.nominal = plant.variant, plant.parameter_set
         self.parameters = plant.set_of(point.theta)
         self.setup = Setup.make(

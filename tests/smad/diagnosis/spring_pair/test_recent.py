@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import pickle
-from functools import cache, partial
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
-from smad.diagnosis.spring_pair.replays import Recent
+from smad.diagnosis.spring_pair.replays import GivenPoint, GivenRun
 
 LAWS = {"driver_lag": {"tau_s": 0.02}, "unified_kinetics": {"tails": 0.2}}
 # Parameters that act in different passes, or in none.
@@ -30,45 +32,26 @@ def whole() -> GapRun:
     return recorded("mixed", SmaPlant(), ModelPoint({}), 3, noise=True, duration_s=20.0)
 
 
-def test_a_thing_is_made_once_for_each_source_and_not_for_its_equal() -> None:
-    recent: Recent[list[int], object] = Recent(4)
-    one, equal = [1], [1]
-    made = recent.of(one, object)
-    assert recent.of(one, object) is made
-    assert recent.of(equal, object) is not made
+def kept(kind: type) -> int:
+    """How many objects of a kind there are."""
+    gc.collect()
+    return sum(type(x) is kind for x in gc.get_objects())
 
 
-def test_only_so_many_are_kept_and_the_oldest_goes_first() -> None:
-    recent: Recent[list[int], int] = Recent(3)
-    sources = [[i] for i in range(5)]
-    for source in sources:
-        recent.of(source, partial(int, source[0]))
-    assert len(recent) == 3
-    assert recent.of(sources[4], lambda: -1) == 4
-    assert recent.of(sources[0], lambda: -1) == -1
-    assert len(recent) == 3
+def test_a_point_is_prepared_once_and_not_for_its_equal() -> None:
+    plant, run, before = SmaPlant(), whole().part(0, 20), kept(GivenPoint)
+    for point in (POINTS[1], POINTS[1], replace(POINTS[1])):
+        plant.simulate(point, run)
+    assert kept(GivenPoint) - before == 2
 
 
-def test_what_failed_to_be_made_is_tried_again() -> None:
-    recent: Recent[list[int], int] = Recent(3)
-    source = [1]
-
-    def fail() -> int:
-        raise ValueError
-
-    with pytest.raises(ValueError):
-        recent.of(source, fail)
-    assert recent.of(source, lambda: 2) == 2
-
-
-def test_a_copy_sent_elsewhere_begins_empty() -> None:
-    recent: Recent[list[int], int] = Recent(3)
-    recent.of([1], lambda: 1)
-    copy = pickle.loads(pickle.dumps(recent))
-    assert len(copy) == 0
-    for i in range(5):
-        copy.of([i], lambda: 1)
-    assert len(copy) <= 3
+def test_a_copy_sent_elsewhere_begins_empty_and_gives_the_same() -> None:
+    plant, run = SmaPlant(), whole().part(0, 20)
+    here = plant.simulate(POINTS[0], run)
+    before = kept(GivenPoint)
+    copy = pickle.loads(pickle.dumps(plant))
+    assert kept(GivenPoint) == before
+    np.testing.assert_array_equal(copy.simulate(POINTS[0], run)["force_N"], here["force_N"])
 
 
 @pytest.mark.parametrize("fast", [False, True])
@@ -89,7 +72,8 @@ def test_a_plant_that_has_replayed_much_gives_what_a_fresh_one_gives(fast: bool)
 def test_a_plant_keeps_no_more_points_than_are_replayed_together() -> None:
     plant = SmaPlant()
     short = whole().part(0, 20)
+    points, runs = kept(GivenPoint), kept(GivenRun)
     for i in range(70):
         plant.simulate(ModelPoint({"displacement_zero": 1e-3 * i}), short)
-    assert len(plant.given_points) <= 64
-    assert len(plant.given_runs) == 1
+    assert kept(GivenPoint) - points == 64
+    assert kept(GivenRun) - runs == 1
