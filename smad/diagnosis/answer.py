@@ -87,7 +87,8 @@ def answer_of(search: Search, *, question: str, gaps_of: str = MEASURED) -> Answ
     asked, fitted = search.question, search.final.fit
     base = fitted or search.parameters.fit
     assert base is not None
-    precision = Precision.at_fit(asked.evidence, base)
+    tied = asked.tied is not None and not search.moved
+    precision = Precision.at_fit(asked.evidence, base, tied=tied)
     entered = _entered(search)
     with_causes = [*(rival for _, rival in entered[:-1]), search.final] if entered else []
     causes = [

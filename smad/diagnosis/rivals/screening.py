@@ -135,8 +135,13 @@ def best_starts(
     """Coordinates from which to fit the effects that are worth it beside the reference.
 
     Of the first `_TRIED` and all without a strength, each is replayed from its starts and a weaker
-    one. Rounds of the fit from the start that leaves least, parameters marginalised, decide.
+    one. Rounds of the fit from the start that leaves least, parameters marginalised, decide. All in
+    the half of the runs with the largest residuals, which takes half the time.
     """
+    if evidence.by_runs:
+        squares = evidence.squares(evidence.residual(reference.exact)).sum(axis=1)
+        which = sorted(np.argsort(-squares)[: -(-len(squares) // 2)].tolist())
+        reference, evidence = reference.part(evidence, which), evidence.part(which)
     variances = marginal_variances(evidence, reference)
     rows = evidence.counts.sum(axis=0)
 

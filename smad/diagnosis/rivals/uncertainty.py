@@ -35,9 +35,14 @@ class Precision:
     covariances: dict[Fit, Array] = field(default_factory=dict)
 
     @classmethod
-    def at_fit(cls, evidence: Evidence, fitted: Fit) -> Precision:
-        """With slopes computed at the coordinates of a fit."""
-        slopes = _central_slopes(evidence, fitted, range(fitted.model.parameters))
+    def at_fit(cls, evidence: Evidence, fitted: Fit, *, tied: bool = False) -> Precision:
+        """With slopes computed at the coordinates of a fit.
+
+        Those of the fit serve if good runs have `tied` the parameters: the prior, too, tells
+        nearly collinear ones apart.
+        """
+        p = fitted.model.parameters
+        slopes = fitted.slopes[:p] if tied else _central_slopes(evidence, fitted, range(p))
         return cls(evidence=evidence, parameter_slopes=slopes)
 
     def covariance(self, fitted: Fit) -> Array:
