@@ -164,25 +164,23 @@ def signal_gaps(question: Question, stages: Sequence[Rival]) -> list[SignalGap]:
     counts, floors = question.judged.counts.sum(axis=0), question.judged.floors
     rms = [np.sqrt(r.squares.sum(axis=0) / np.maximum(counts, 1.0)) * floors for r in stages]
     signals = [
-        _gap(c.name, c.unit, float(floors[i]), [float(x[i]) for x in rms], c.words)
+        (c.name, c.words, c.unit, float(floors[i]), [float(x[i]) for x in rms])
         for i, c in enumerate(question.model.plant.channels)
         if counts[i] > 0
     ]
-    return [*signals, _gap("all signals", "floors", 1.0, [question.gap(r) for r in stages], "")]
-
-
-def _gap(signal: str, unit: str, floor: float, rms: Sequence[float], words: str) -> SignalGap:
-    """The gap of a signal from its RMS at each stage."""
-    raw, parameters, *causes = rms
-    return SignalGap(
-        signal=signal,
-        words=words,
-        unit=unit,
-        floor=floor,
-        raw=raw,
-        parameters=parameters,
-        causes=causes,
-    )
+    whole = ("all signals", "", "floors", 1.0, [question.gap(r) for r in stages])
+    return [
+        SignalGap(
+            signal=signal,
+            words=words,
+            unit=unit,
+            floor=floor,
+            raw=raw,
+            parameters=parameters,
+            causes=causes,
+        )
+        for signal, words, unit, floor, (raw, parameters, *causes) in (*signals, whole)
+    ]
 
 
 def gaps_on(answer: Answer, evidence: Evidence) -> list[SignalGap]:

@@ -7,7 +7,6 @@ either adds to the estimate, so the smaller of both counts.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,31 +35,6 @@ def _detrended(y: Array) -> Array:
     return y - np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, y, 2))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Course:
-    """Rows of one channel in one run, (rows,), their validity, and where the bench rests.
-
-    `unexplained` is `measured` less the simulation, or `measured` where that is not finite.
-    """
-
-    measured: Array
-    unexplained: Array
-    valid: Mask
-    rest: Mask
-
-    @classmethod
-    def of(cls, run: GapRun, grid: Grid, rest: Mask, y: Array, simulated: Array) -> _Course:
-        """The course of samples `y` with `simulated` ones and the mask `rest`, (n,) each."""
-        measured, left = grid.mean(y), y - simulated
-        finite = np.isfinite(left[run.good]).all()
-        return cls(
-            measured=measured,
-            unexplained=grid.mean(left) if finite else measured,
-            valid=grid.valid,
-            rest=grid.majority(rest) & grid.valid,
-        )
-
-
 def _scale(values: Array) -> float:
     """Standard deviation without outliers: a lost contact or a late edge is not noise.
 
@@ -71,28 +45,29 @@ def _scale(values: Array) -> float:
     return float(np.sqrt(np.mean(inliers**2)))
 
 
-def _sigma(values: Sequence[Array], courses: Sequence[_Course]) -> float:
+def _sigma(courses: Sequence[Array], valid: Sequence[Mask], rest: Sequence[Mask]) -> float:
     """Noise of one channel: of its rows at rest less a parabola, or of all if it hardly rests.
 
-    `values` are the rows of each course, as measured or unexplained.
+    `courses` are its rows in each run, measured or unexplained, with masks of those that are
+    `valid` and of those at `rest`, (rows,) each.
     """
-    rest = [
+    at_rest = [
         _detrended(y[s])
-        for y, c in zip(values, courses, strict=True)
-        for s in _stretches(c.rest)
+        for y, mask in zip(courses, rest, strict=True)
+        for s in _stretches(mask)
         if s.stop - s.start >= _MIN_REST_RUN
     ]
-    rows = sum(len(y) for y in rest)
+    rows = sum(len(y) for y in at_rest)
     if rows < _MIN_REST_ROWS:
         longest = [
-            y[max(_stretches(c.valid), key=lambda s: s.stop - s.start)]
-            for y, c in zip(values, courses, strict=True)
-            if c.valid.any()
+            y[max(_stretches(mask), key=lambda s: s.stop - s.start)]
+            for y, mask in zip(courses, valid, strict=True)
+            if mask.any()
         ]
         return _difference_sigma(longest)
     # Three coefficients were fitted to each stretch.
-    freedom = max(rows - 3 * len(rest), 1) / rows
-    return _scale(np.concatenate(rest)) / float(np.sqrt(freedom))
+    freedom = max(rows - 3 * len(at_rest), 1) / rows
+    return _scale(np.concatenate(at_rest)) / float(np.sqrt(freedom))
 
 
 def _difference_sigma(courses: Sequence[Array]) -> float:
@@ -152,24 +127,21 @@ def row_noise(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Arr
     exact = each(
         lambda run: nominal_replay(run, plant, fast=False), runs, traits_of(plant).together
     )
-    replays = [
-        (run, Grid.of(run, period_s), replay) for run, replay in zip(runs, exact, strict=True)
-    ]
+    grids = [Grid.of(run, period_s) for run in runs]
     noise = np.array([max(c.noise, c.quantum) for c in plant.channels])
     for i, channel in enumerate(plant.channels):
-        name, side = channel.name, channel.side
-        courses = [
-            _Course.of(
-                run, grid, plant.regimes(run, side)["rest"], run.outputs[name], simulated[name]
-            )
-            for run, grid, simulated in replays
-            if name in run.outputs
-        ]
+        courses = []
+        for run, grid, simulated in zip(runs, grids, exact, strict=True):
+            if (y := run.outputs.get(channel.name)) is not None:
+                rows, left = grid.mean(y), y - simulated[channel.name]
+                simulates = np.isfinite(left[run.good]).all()
+                rest = grid.majority(plant.regimes(run, channel.side)["rest"]) & grid.valid
+                courses.append((rows, grid.mean(left) if simulates else rows, grid.valid, rest))
         if courses:
-            measured = _sigma([c.measured for c in courses], courses)
-            unexplained = _sigma([c.unexplained for c in courses], courses)
+            measured, unexplained, *masks = zip(*courses, strict=True)
             least = float(channel.quantum / np.sqrt(12.0))
-            noise[i] = max(min(measured, unexplained), least) or channel.noise
+            sigma = min(_sigma(rows, *masks) for rows in (measured, unexplained))
+            noise[i] = max(sigma, least) or channel.noise
     return noise
 
 
