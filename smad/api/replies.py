@@ -47,6 +47,12 @@ READ_AS = {
 """Units of the wire, what a person reads in their place, and how many of these one of them is."""
 
 
+def as_read(value: float, unit: str) -> str:
+    """Return a value in a unit of the wire as a person reads it."""
+    read_unit, scale = READ_AS.get(unit, (in_words(unit), 1.0))
+    return f"{value * scale:g} {read_unit}".rstrip()
+
+
 class Fault(Struct, frozen=True, kw_only=True):
     """What stopped the bench: the fault that the board latched first, or a limit of the host."""
 
@@ -60,14 +66,10 @@ class Fault(Struct, frozen=True, kw_only=True):
 
     def in_words(self) -> str:
         """Return it in one line: name, place, value, limit."""
-        seen = "" if self.measured is None else f": {self._in_unit(self.measured)}"
-        limit = "" if self.limit is None else f", limit {self._in_unit(self.limit)}"
+        seen = "" if self.measured is None else f": {as_read(self.measured, self.unit)}"
+        limit = "" if self.limit is None else f", limit {as_read(self.limit, self.unit)}"
         where = f" at {self.channel}" if self.channel else ""
         return f"{self.name}{where}{seen}{limit}"
-
-    def _in_unit(self, value: float) -> str:
-        unit, scale = READ_AS.get(self.unit, (in_words(self.unit), 1.0))
-        return f"{value * scale:g} {unit}".rstrip()
 
 
 class Board(Struct, frozen=True, kw_only=True):
@@ -252,6 +254,9 @@ class AxisStatus(Struct, frozen=True, kw_only=True):
     counts: Annotated[Counts, Meta(description="totals")]
     timing: Annotated[Timing, Meta(description="the loop's timing")]
     gains: Annotated[Tune, Meta(description="gains and options in force")] = Tune()
+    obstacle: Annotated[
+        str, Meta(description="what arming would be refused for now; empty: nothing known")
+    ] = ""
 
 
 class Status(AxisStatus, frozen=True, kw_only=True):

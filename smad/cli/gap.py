@@ -78,8 +78,6 @@ def diagnose(
         raise click.UsageError("--leave-out leaves no run to fit; give more runs")
     good = without_cut_runs(good)
     simulator.require_pairs()
-    if simulator.fmu is not None and model_path is not None:
-        raise click.UsageError("--apply cannot write the model of an FMI unit; leave --apply out")
     if processes is not None and not simulator.given:
         raise click.UsageError("--processes needs --fmu or --mjcf; leave it out")
     if simulator.given:

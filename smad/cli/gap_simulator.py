@@ -55,6 +55,7 @@ class Simulator:
         """The answer; `options` are all else that `diagnose_mjcf` and `diagnose_unit` take."""
         assert self.map_path is not None
         with progress() as line:
+            line.say("reading")
             options |= {"progress": line.say, "announced": line.note}
             if self.mjcf is not None:
                 from smad.simulators.mjcf.asked import diagnose_mjcf

@@ -8,7 +8,7 @@ import click
 
 from smad.cli.options import Command, axis_option, flag, json_option
 from smad.cli.output import client, print_json
-from smad.view.terminal.status_lines import folded, lines, other_benches
+from smad.view.terminal.status_lines import lines, other_benches, printed
 
 _REFRESH_S = 0.5
 
@@ -38,7 +38,7 @@ def status(
             else:
                 width = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
                 for line in (*lines(now), *other_benches(now.bench)):
-                    click.echo(folded(line, width))
+                    click.echo(printed(line, width))
             if not watch:
                 return
             time.sleep(_REFRESH_S)

@@ -61,7 +61,7 @@ def diagnose(
     _require_runs((*runs, *hold_out, *good))
     progress("admission")
     period_s = row_of_admitted_s([*runs, *hold_out, *good], plant)
-    groups = admit_groups({FIT: runs, HOLD_OUT: hold_out, GOOD: good}, plant, period_s)
+    groups = admit_groups({FIT: runs, HOLD_OUT: hold_out, GOOD: good}, plant, period_s, progress)
     roles = {role: a.admitted for role, a in groups.items()}
     findings = sorted((f for a in groups.values() for f in a.findings), key=lambda f: f.run)
     findings += too_few(roles)

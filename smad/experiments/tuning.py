@@ -14,7 +14,8 @@ from smad.control.tuning.plans import (
     temperature_plan,
     temperature_trial,
 )
-from smad.control.tuning.tuned import (
+from smad.experiments.driver import Driver
+from smad.experiments.tuned import (
     Trial,
     Tuned,
     WarmTrial,
@@ -23,7 +24,6 @@ from smad.control.tuning.tuned import (
     tuned_temperature,
     warm_trial_of,
 )
-from smad.experiments.driver import Driver
 
 NEEDED = ("displacement_mm", "rtd_x_degC", "rtd_y_degC")
 
@@ -59,12 +59,12 @@ def tune_displacement(driver: Driver, config: ControlConfig, *, trial: bool = Tr
     """
     _require(driver, *NEEDED)
     run = driver.run(displacement_plan(config))
-    tuned = tuned_displacement(run.columns, run.marks, config)
+    tuned = tuned_displacement(run, config)
     if not trial:
         return Session(tuned, None)
     gains = {"before": tuned.before, "after": tuned.after}
     plans = [displacement_trial(name, tuned.command(tried)) for name, tried in gains.items()]
-    before, after = (trial_of(run.columns, run.marks) for run in map(driver.run, plans))
+    before, after = map(trial_of, map(driver.run, plans))
     return Session(tuned, (before, after))
 
 
@@ -107,7 +107,7 @@ def tune_temperature(
     name = f"rtd_{spring}_degC"
     _require(driver, name)
     run = driver.run(temperature_plan(config, spring))
-    tuned = tuned_temperature(run.columns, run.marks, config, spring)
+    tuned = tuned_temperature(run, config, spring)
     if not trial:
         return Session(tuned, None)
     at_degC = float(run[name][0])
@@ -116,7 +116,5 @@ def tune_temperature(
         temperature_trial(name, tuned.command(tried), spring, at_degC)
         for name, tried in gains.items()
     ]
-    before, after = (
-        warm_trial_of(run.columns, run.marks, spring) for run in map(driver.run, plans)
-    )
+    before, after = (warm_trial_of(run, spring) for run in map(driver.run, plans))
     return Session(tuned, (before, after))

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from smad.control.tuning.tuned import Trial, WarmTrial
+from smad.experiments.tuned import Trial, WarmTrial
 from smad.experiments.tuning import Session
 from smad.report.page import Table
 

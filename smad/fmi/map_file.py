@@ -38,8 +38,7 @@ class _ColumnRow(ColumnRow, frozen=True, kw_only=True):
 class InputRow(_ColumnRow, frozen=True, kw_only=True):
     """An input: value of the unit = `scale` · column + `offset`; the range is that of the value.
 
-    With `hold` a number is in force until the next one. `held`: its rows were in force *until*
-    their time or *from* it on; empty: as the map's `held`.
+    `held`: its rows were in force *until* their time or *from* it on; empty: as the map's `held`.
     """
 
     held: Held | Literal[""] = ""
@@ -52,10 +51,7 @@ class InputRow(_ColumnRow, frozen=True, kw_only=True):
 
 
 class ChannelRow(_ColumnRow, frozen=True, kw_only=True):
-    """A measured channel: column = `scale` · value of the unit + `offset`, in the column's range.
-
-    With `hold` it is read on a straight line between its numbers.
-    """
+    """A measured channel: column = `scale` · value of the unit + `offset`; the range is its own."""
 
     quantum: Positive = _FROM_RECORDS
     noise: Positive = _FROM_RECORDS

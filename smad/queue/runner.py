@@ -274,7 +274,8 @@ class Runner:
         # A daemon that was killed cannot say where it recorded: where it did before.
         folders = {self._store.path.parent, *(path.parent for path in noted)}
         folders |= {Path(folder) for folder in (view.folder, self._folder) if folder}
-        since_s = (item.started_unix_s or 0.0) - _BEFORE_S
+        # A clock that was set back meanwhile makes the log that was open older than its item.
+        since_s = min(item.started_unix_s or 0.0, self._parts.wall_s()) - _BEFORE_S
         for folder in sorted(folders):
             with contextlib.suppress(OSError):
                 for path in sorted(folder.glob(f"*{SUFFIX}")):

@@ -21,7 +21,7 @@ from smad.errors import RunLogError, refused_by_system
 from smad.runlog import open_logs
 from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.mcap_file import CHANNEL_IDS, FIRST_AXIS_ID, ROWS_DURATION, ROWS_METADATA_NAME
-from smad.runlog.paths import SUFFIX
+from smad.runlog.paths import SUFFIX, by_time
 from smad.runlog.scan import PARSE_ERRORS, RECORD_HEAD, Damage, NotMcapError, scan
 from smad.runlog.schema import Row
 
@@ -50,7 +50,7 @@ class Overview(Struct, frozen=True, kw_only=True):
 
 
 def list_runs(folder: str | Path, newest: int | None = None) -> list[Overview]:
-    """The run logs of a folder by name, which is by time, or its `newest` ones.
+    """The run logs of a folder by the time in their names, or its `newest` ones.
 
     Reads only head and end of each file.
 
@@ -59,7 +59,7 @@ def list_runs(folder: str | Path, newest: int | None = None) -> list[Overview]:
     folder = Path(folder)
     cause = f"cannot read folder {folder}"
     with refused_by_system(RunLogError, cause, action="name another with --folder"):
-        paths = sorted(path for path in folder.iterdir() if path.suffix == SUFFIX)
+        paths = sorted((p for p in folder.iterdir() if p.suffix == SUFFIX), key=by_time)
     return [_overview(path) for path in paths[-newest if newest else 0 :]]
 
 

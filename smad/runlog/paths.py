@@ -1,8 +1,10 @@
 """Names of run log files. A file is never overwritten."""
 
+import contextlib
 import re
+import unicodedata
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 
 from smad.counted import counted, listed
@@ -24,13 +26,23 @@ _BESIDE = (
 )
 """What smad itself writes beside runs."""
 _NAMED = 8
-_LONGEST_NAME = 60
+_LONGEST_NAME_BYTES = 60
+_STAMP = "%Y%m%d-%H%M%S"
+_MOST_SET_BACK = timedelta(days=1)
+"""A log whose name is later by more than that is of a clock that was wrong."""
 
 
 def new_run_path(folder: str | Path, name: str, when: datetime) -> Path:
-    """A free path `folder/YYYYMMDD-HHMMSS-name.mcap`; `-2`, `-3`… follow where it is taken."""
-    stem = f"{when:%Y%m%d-%H%M%S}-{_file_name(name)}"
-    return free_path(Path(folder) / f"{stem}{SUFFIX}")
+    """A free path `folder/YYYYMMDD-HHMMSS-name.mcap`, after all that are there in order of names.
+
+    After a log of the same second, or of an hour that the clock was set back, it has the next one.
+    """
+    first, last = (f"{time:{_STAMP}}" for time in (when, when + _MOST_SET_BACK))
+    stamps = (path.name[: len(first)] for path in Path(folder).glob(f"*{SUFFIX}"))
+    latest = max((stamp for stamp in stamps if first <= stamp <= last), default="")
+    with contextlib.suppress(ValueError):
+        when = datetime.strptime(latest, _STAMP) + timedelta(seconds=1)
+    return free_path(Path(folder) / f"{when:{_STAMP}}-{_file_name(name)}{SUFFIX}")
 
 
 def free_path(path: Path) -> Path:
@@ -62,9 +74,14 @@ def part_path(first: Path, part: int) -> Path:
     return first.with_name(f"{first.stem}.part{part}{first.suffix}")
 
 
+def by_time(path: Path) -> tuple[bool, str]:
+    """Sort run logs by this: those whose names have no time come first."""
+    return re.match(r"\d{8}-\d{6}", path.name) is not None, path.name
+
+
 def newest_run(folder: str | Path) -> Path:
     """The run log in `folder` whose name says it is the latest. Raises RunLogError: none is."""
-    runs = sorted(Path(folder).glob(f"*{SUFFIX}"), key=lambda path: path.name)
+    runs = sorted(Path(folder).glob(f"*{SUFFIX}"), key=by_time)
     if not runs:
         raise RunLogError(f"no run logs in {folder}", action="name one, or another --folder")
     return runs[-1]
@@ -98,4 +115,10 @@ def passed_over(folder: Path, files: Sequence[Path], read: Sequence[Path]) -> st
 
 
 def _file_name(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.")[:_LONGEST_NAME] or UNNAMED
+    words = re.sub(r"[^\w.-]+", "-", unicodedata.normalize("NFC", name)).strip("-.")
+    return cut_to_bytes(words, _LONGEST_NAME_BYTES) or UNNAMED
+
+
+def cut_to_bytes(name: str, most: int) -> str:
+    """The beginning of a name that takes `most` bytes: file systems count these, not letters."""
+    return name.encode()[:most].decode(errors="ignore")

@@ -28,7 +28,10 @@ Held = Literal["until", "from"]
 
 class ColumnRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A column of the runs: `unit` is that of its values, `column` its name in a run and
-    `column_unit` its unit there, where these are others; `hold`: numbers stand in some rows only.
+    `column_unit` its unit there, where these are others.
+
+    With `hold` rows may have no number: an input then keeps its last one, and a channel is read on
+    the straight line between its numbers.
     """
 
     unit: str = ""

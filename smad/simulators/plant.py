@@ -271,7 +271,7 @@ class SimulatorPlaces(BarePlaces):
         """See `SavesModel`."""
         of = self.plain.declared
         if of.save is None:
-            save_values(of, point, path, note, uncertainty)
+            save_values(of, point, path, note, uncertainty, effects=self.effects)
         else:
             of.save(point, path, note, uncertainty)
 

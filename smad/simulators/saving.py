@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from smad.diagnosis.plant import ModelPoint, Uncertainty
+from smad.diagnosis.plant import Effect, ModelPoint, Uncertainty
 from smad.simulators.declare import Simulator
 
 
@@ -16,15 +16,25 @@ def save_values(
     point: ModelPoint,
     path: Path,
     note: str,
-    uncertainty: Uncertainty | None = None,
+    uncertainty: Uncertainty | None,
+    *,
+    effects: Iterable[Effect],
 ) -> None:
-    """Write a point of a simulator whose values are all that can be written of it."""
+    """Write a point of a simulator whose values, with their units, are all that can be written."""
     values = {p.name: float(point.theta.get(p.name, p.nominal)) for p in declared.parameters}
+    units = {p.name: p.unit for p in declared.parameters}
+    units |= {f"{e.name}.{q.name}": q.unit for e in effects for q in e.parameters}
+    named = {*values, *(f"{e}.{q}" for e, sizes in point.effects.items() for q in sizes)}
     head = [
         f"# the simulator {declared.name} with what it lacks",
-        f"parameters = {{{', '.join(f'{json.dumps(n)} = {v!r}' for n, v in values.items())}}}",
+        f"parameters = {_inline({n: repr(v) for n, v in values.items()})}",
+        f"units = {_inline({n: json.dumps(u) for n, u in units.items() if u and n in named})}",
     ]
     path.write_text(model_text(head, note, point.effects, point, uncertainty), "utf-8")
+
+
+def _inline(values: Mapping[str, str]) -> str:
+    return f"{{{', '.join(f'{json.dumps(name)} = {text}' for name, text in values.items())}}}"
 
 
 def model_text(

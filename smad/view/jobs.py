@@ -21,7 +21,7 @@ from msgspec import Meta, Struct
 
 from smad.errors import REFUSED_STATUS, SmadError
 from smad.processes.stops import knowing
-from smad.runlog.paths import SUFFIX, free_path, make_folder
+from smad.runlog.paths import SUFFIX, cut_to_bytes, free_path, make_folder
 
 MOST_LINES = 200
 LONGEST_LINE = 500
@@ -94,7 +94,7 @@ def job_command(job: Job, folder: Path, bench: str, axis: str = "") -> JobComman
     on_the_bench = [f"--bench={bench}", *of_axis]
     if isinstance(job, PageOfRun):
         paths = [run_path(folder, name) for name in job.runs]
-        stem = "-with-".join(path.stem for path in paths)[:120]
+        stem = cut_to_bytes("-with-".join(path.stem for path in paths), 120)
         report = folder / f"{stem}.html"
         words = ["log", "plot", *map(str, paths), "-o", str(report), *of_axis]
         title = " and ".join(job.runs)

@@ -27,7 +27,7 @@ from smad.view.access import Right
 from smad.view.feed import FRAMES_PER_S, WINDOWS, Cursor, View
 from smad.view.queries import Queries
 from smad.view.source import Axis, Source
-from smad.view.state import MODE_MEANS, Condition, axis_condition, control_condition
+from smad.view.state import MODE_MEANS, Condition, control_condition
 from smad.view.tasks import cancel_and_wait
 from smad.view.tier import Frame, Moments
 
@@ -349,7 +349,7 @@ def status_message(source: Source, axis: Axis, *, ours: bool) -> dict[str, Any]:
     """Return the status, and why it is not to be trusted if so; `ours`: the page has control."""
     now = axis.shown
     if now is not None:
-        conditions = (*_arming(source, axis), control_condition(now.holder, ours=ours))
+        conditions = (*_arming(source), control_condition(now.holder, ours=ours))
         holder = "this page" if ours and now.holder else now.holder
         # Frames and status both carry the mode. Neither overwrites a newer value from the other.
         now = msgspec.structs.replace(
@@ -367,13 +367,13 @@ def status_message(source: Source, axis: Axis, *, ours: bool) -> dict[str, Any]:
     }
 
 
-def _arming(source: Source, axis: Axis) -> Iterator[Condition]:
-    """What has to hold to arm: of several axes a line for each that is not armed."""
-    for each_axis in source.axes.values() if source.several else ():
-        if each_axis.shown is not None and not each_axis.shown.armed:
-            yield axis_condition(each_axis.name, each_axis.shown)
-    if not source.several and axis.shown is not None:
-        yield from axis.shown.conditions
+def _arming(source: Source) -> Iterator[Condition]:
+    """What has to hold to arm: a line for each axis that is not armed."""
+    for name, axis in source.axes.items():
+        now = axis.shown
+        if now is not None and not now.armed:
+            text = name or "The daemon knows of no obstacle"
+            yield Condition(text, not now.obstacle, now.obstacle, axis=name)
 
 
 def static_files() -> dict[str, tuple[str, bytes]]:

@@ -4,7 +4,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from firmware_protocol.supervisor.limits import compiled_limits
 from smad.api import Status
 from smad.client.following import Params, follow
 from smad.client.wire import telemetry_of
@@ -104,7 +103,6 @@ class Source:
         self.why_away = "the daemon has not answered yet"
         self.config = Config()
         self.clock_s = clock_s
-        self._off_current_mA = float(compiled_limits().off_current_mA)
 
     def axis(self, name: str) -> Axis:
         """Return the axis of a name, or else the first."""
@@ -149,7 +147,7 @@ class Source:
         recorder = status.recorder
         for name, axis in self.axes.items():
             axis_status = status.of(name)
-            axis.shown = bench_state(axis_status, params.get(name, {}), self._off_current_mA)
+            axis.shown = bench_state(axis_status)
             if axis.shown.mode == NO_WORD:
                 # The daemon missed the board sooner than we miss its samples.
                 axis.mode = None

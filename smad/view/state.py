@@ -4,7 +4,7 @@ Pure: from the daemon's status to what is shown. Texts of the bench (names, note
 as they are; the page puts them in as text, never as markup.
 """
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Mapping
 
 import msgspec
 from msgspec import Struct
@@ -12,7 +12,6 @@ from msgspec import Struct
 from firmware_protocol.enums import BoardState, Fault
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad import api
-from smad.runlog.schema import Row
 
 EVENTS = 12
 MODES = {int(state): state.name for state in BoardState}
@@ -61,13 +60,10 @@ def limiter_of(status: api.Status) -> str:
 
 
 class Condition(Struct, frozen=True):
-    """Something that has to hold before the bench arms. `holds` is None while it is not known.
-
-    With an `axis` it is needed only to arm that one.
-    """
+    """Something that has to hold before the bench arms; with an `axis`, only to arm that one."""
 
     text: str
-    holds: bool | None
+    holds: bool
     detail: str = ""
     axis: str = ""
 
@@ -111,7 +107,8 @@ class BenchState(Struct, frozen=True, kw_only=True):
     setpoint_age_p99_ms: float | None
     counts: api.Counts
     events: tuple[api.Entry, ...]
-    conditions: tuple[Condition, ...]
+    obstacle: str
+    conditions: tuple[Condition, ...] = ()
     gains: Mapping[str, float | bool | str]
 
 
@@ -120,10 +117,8 @@ def running_words(motion: api.Motion) -> str:
     return f"{motion.running}, {'done' if motion.done else 'under way'}"
 
 
-def bench_state(
-    status: api.Status, params: Mapping[str, float], off_current_mA: float
-) -> BenchState:
-    """Return what the page shows of `status`. `params` are the board's parameters by name."""
+def bench_state(status: api.Status) -> BenchState:
+    """Return what the page shows of `status`."""
     motion, age = status.motion, status.timing.setpoint_age
     return BenchState(
         mode=motion.mode,
@@ -141,7 +136,7 @@ def bench_state(
         setpoint_age_p99_ms=round(age.p99_us / 1e3, 2) if age.count else None,
         counts=status.counts,
         events=status.events[-EVENTS:],
-        conditions=tuple(conditions(status, params, off_current_mA)),
+        obstacle=status.obstacle,
         gains={k: v for k, v in msgspec.structs.asdict(status.gains).items() if v is not None},
     )
 
@@ -158,84 +153,7 @@ def _trouble(fault: api.Fault | None) -> Trouble | None:
     )
 
 
-def conditions(
-    status: api.Status, params: Mapping[str, float], off_current_mA: float
-) -> Iterator[Condition]:
-    """Yield what has to hold before anybody arms, in the order in which it is checked."""
-    board, row, mode = status.board, status.sample, status.motion.mode
-    connected = status.link.state not in ("disconnected", "sync")
-    yield Condition("The board is connected", connected, f"link: {status.link.state}")
-    yield Condition(
-        "Board and smad use the same messages", None if board is None else board.schema_agrees
-    )
-    yield Condition(
-        "Board and smad know the same parameters",
-        None if board is None else board.params_agree,
-    )
-    yield Condition(
-        "The clock offset of the board is known", status.timing.round_trip_us is not None
-    )
-    fault = status.motion.fault
-    yield Condition("No fault is latched", fault is None, "" if fault is None else fault.name)
-    yield Condition(
-        "The board is in SAFE: not armed, and cooled", mode == "SAFE", f"it is in {mode}"
-    )
-    parts = () if board is None else board.capabilities
-    yield from _readings(row if connected else None, parts, params, off_current_mA)
-
-
-def axis_condition(name: str, now: BenchState) -> Condition:
-    """Return the conditions of an axis as one; its detail has those that do not hold."""
-    lacking = [condition for condition in now.conditions if not condition.holds]
-    holds = None if all(condition.holds is None for condition in lacking) else False
-    words = "; ".join(f"{condition.text}: {condition.detail or 'no'}" for condition in lacking)
-    return Condition(name, holds if lacking else True, words and f"lacking: {words}", axis=name)
-
-
 def control_condition(holder: str, *, ours: bool) -> Condition:
     """Return whether control stands against arming from a page that has it itself, or not."""
     free = ours or not holder
     return Condition("Nobody else has exclusive control", free, "" if free else f"{holder} has it")
-
-
-def _readings(
-    row: Row | None, parts: Collection[str], params: Mapping[str, float], off_current_mA: float
-) -> Iterator[Condition]:
-    if row is None:
-        yield Condition("Every sensor gives a reading", None, "no sample has come yet")
-        return
-    silent = [name for name, value in _sensors(row, parts) if value is None]
-    yield Condition("Every sensor gives a reading", not silent, ", ".join(silent))
-    cold_cC = params.get("cold_cC")
-    for name, degC in (("X", row.rtd_x_degC), ("Y", row.rtd_y_degC)):
-        cold = None if cold_cC is None or degC is None else degC < cold_cC / 100
-        limit = "" if cold_cC is None else f", has to be below {cold_cC / 100:g} °C"
-        reading = "no reading" if degC is None else f"{degC:.1f} °C"
-        yield Condition(f"Spring {name} is cold", cold, reading + limit)
-    flowing = [
-        f"{name}: {amperes:.2f} A"
-        for name, amperes in (("X", row.i_meas_x_A), ("Y", row.i_meas_y_A))
-        if amperes is not None and amperes * 1e3 > off_current_mA
-    ]
-    yield Condition("No current flows", not flowing, ", ".join(flowing))
-    least_mV = params.get("brown_out_mV")
-    if row.supply_V is not None:
-        yield Condition(
-            "The supply voltage is high enough",
-            None if least_mV is None else row.supply_V * 1e3 >= least_mV,
-            f"{row.supply_V:.1f} V"
-            + ("" if least_mV is None else f", has to be at least {least_mV / 1e3:g} V"),
-        )
-
-
-def _sensors(row: Row, parts: Collection[str]) -> Iterator[tuple[str, float | None]]:
-    yield "spring X", row.rtd_x_degC
-    yield "spring Y", row.rtd_y_degC
-    for part, name, value in (
-        ("rtd_inlet", "inlet", row.rtd_inlet_degC),
-        ("rtd_ambient", "room", row.rtd_ambient_degC),
-        ("encoder", "encoder", row.displacement_mm),
-        ("force_sensor", "force", row.force_N),
-    ):
-        if part in parts:
-            yield name, value

@@ -1,5 +1,5 @@
 """A bench tunes itself: a safe experiment as a plan, models from its samples, gains by a rule.
 
 Pure: a plan goes out (`plans`), recorded columns come in (`identify`), gains and margins come out
-(`rules`, `tuned`). Who carries the plan out is not known here.
+(`rules`). `smad.experiments.tuned` puts them together.
 """

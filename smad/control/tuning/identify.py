@@ -1,7 +1,6 @@
 """Models from the recorded samples of the experiment, and the reasons not to trust them."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -162,17 +161,3 @@ def cooled(t_s: ArrayLike, spring_degC: ArrayLike, inlet_degC: ArrayLike, what: 
         )
     time_s = (t[-1] - t[0]) * (1.0 - 1.0 / (above.size / tenth)) / math.log(first / max(last, 0.05))
     return Cooling(float(time_s), first)
-
-
-def between(
-    columns: Mapping[str, ArrayLike], marks: Mapping[str, float], first: str, last: str
-) -> dict[str, Array]:
-    """The part of each column between two marks. Raises TuningError when a mark is missing."""
-    missing = [name for name in (first, last) if name not in marks]
-    if missing:
-        raise TuningError(
-            "the experiment ended early", value=f"no mark {missing[0]!r}", action="repeat it"
-        )
-    t = np.asarray(columns["t_s"], float)
-    inside = (t > marks[first]) & (t <= marks[last])
-    return {name: np.asarray(column, float)[inside] for name, column in columns.items()}

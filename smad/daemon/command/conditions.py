@@ -5,9 +5,12 @@ import functools
 from collections.abc import Callable, Collection, Iterable
 from typing import Concatenate, ParamSpec
 
-from firmware_protocol.enums import BoardState, Capability
+from firmware_protocol.enums import BoardState, Capability, ErrorCode, ValidBit
 from firmware_protocol.events import HostState
+from firmware_protocol.messages import ArmRequest, Error
 from firmware_protocol.parameters import BENCH_PARAMETERS, BY_NAME, axis_name_crc
+from firmware_protocol.supervisor import Link, Measurements, Memory
+from firmware_protocol.supervisor.machine import arming_obstacle
 from smad.api import Reason
 from smad.config import Config
 from smad.config.hostlimits import looser_than
@@ -16,6 +19,7 @@ from smad.daemon.axis import Axis
 from smad.daemon.boardstop import BoardStop
 from smad.daemon.errors import Refusal
 from smad.daemon.link.board import Parameters
+from smad.daemon.link.requests import refusal
 from smad.daemon.link.watch import disagreement
 
 _POLLS = 100
@@ -97,6 +101,42 @@ def require_armable(axis: Axis, names: Collection[str]) -> None:
         )
     require_name_of_axis(axis.name, names, axis.watch.parameters)
     require_tighter(axis.config, axis.watch.parameters)
+
+
+def obstacle_to_arming(axis: Axis, names: Collection[str]) -> str:
+    """Return what arming would be refused for now, as far as it is known; empty: nothing."""
+    try:
+        require_armable(axis, names)
+        _require_granted(axis)
+    except Refusal as refused:
+        return str(refused).removeprefix(axis.lead)
+    return ""
+
+
+def _require_granted(axis: Axis) -> None:
+    """Raise Refusal where the board's own function refuses by its last sample."""
+    last, ident = axis.control.last, axis.watch.ident
+    if last is None or ident is None:
+        raise not_connected("no sample has come yet", "try again in a second")
+    state = last.state
+    absent = ~state.valid
+    measured = Measurements(
+        i_mA=list(state.i_meas_mA),
+        rtd_cC=list(state.rtd_cC),
+        vbus_mV=state.vbus_mV,
+        encoder_invalid=bool(ident.capabilities & Capability.ENCODER and absent & ValidBit.ENCODER),
+        force_invalid=bool(
+            ident.capabilities & Capability.FORCE_SENSOR and absent & ValidBit.FORCE
+        ),
+    )
+    # The board also looks at a filtered current, which it does not report.
+    memory = Memory(0, state=state.mode, i_uA=[1000 * i_mA for i_mA in state.i_meas_mA])
+    link = Link(clock=axis.session.clock is not None)
+    code = arming_obstacle(memory, measured, axis.watch.parameters.limits(), link.word)
+    if code:
+        number = ArmRequest.info.number
+        error = Error(number, 0, ErrorCode(code), memory.channel, memory.value, memory.limit)
+        raise refusal(error)
 
 
 def require_name_of_axis(name: str, names: Collection[str], parameters: Parameters) -> None:

@@ -14,6 +14,7 @@ from smad import api
 from smad.control.limits import HostLimit
 from smad.daemon.axis import Axis
 from smad.daemon.command.bench import Bench
+from smad.daemon.command.conditions import obstacle_to_arming
 from smad.daemon.link.board import board_of
 from smad.runlog.rows import millimetres
 from smad.version import VERSION
@@ -122,6 +123,7 @@ class StatusReport:
             sample=None if last is None else axis.row(last),
             counts=self._counts(axis),
             timing=self._timing[axis.name],
+            obstacle=obstacle_to_arming(axis, self._bench.axes),
         )
 
     def _counts(self, axis: Axis) -> api.Counts:

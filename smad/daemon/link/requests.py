@@ -1,14 +1,15 @@
 """Requests to the board that a command waits for, and what its refusals mean to a person."""
 
 import asyncio
+import enum
 from collections.abc import Callable
 
-from firmware_protocol.enums import BoardState, ErrorCode
+from firmware_protocol.enums import BoardState, Channel, ErrorCode
 from firmware_protocol.errors import ProtocolError
 from firmware_protocol.events import FailureReason, HostEvent, RequestDone, RequestFailed
 from firmware_protocol.host import HostSession
 from firmware_protocol.messages import Error, Message
-from smad.api import Reason
+from smad.api import Reason, as_read
 from smad.daemon.errors import Refusal
 
 _UPDATE = "update the older of board and smad"
@@ -33,8 +34,8 @@ REFUSALS: dict[ErrorCode, tuple[str, str]] = {
         "look at the readings and their cables (smad status)",
     ),
     ErrorCode.TOO_HOT: (
-        "the springs are not cold enough",
-        "wait until they are below the cold limit (smad status --watch)",
+        "a spring is not cold enough",
+        "wait until it is below the limit (smad status --watch)",
     ),
     ErrorCode.CURRENT_FLOWING: (
         "current flows although none is commanded",
@@ -67,6 +68,13 @@ REFUSALS: dict[ErrorCode, tuple[str, str]] = {
     ErrorCode.SAVE_FAILED: ("the board could not store its parameters", "try again"),
 }
 """What each refusal of the board means, and what to do next."""
+_MEASURED = {
+    ErrorCode.SENSOR_INVALID: "",
+    ErrorCode.TOO_HOT: "cC",
+    ErrorCode.CURRENT_FLOWING: "mA",
+    ErrorCode.SUPPLY_LOW: "mV",
+}
+"""Refusals of a reading, whose place is told, and the unit of value and limit; empty: no value."""
 
 _FAILURES: dict[FailureReason, tuple[str, str]] = {
     FailureReason.TIMEOUT: (
@@ -163,11 +171,20 @@ def refusal(error: Error) -> Refusal:
     cause, action = REFUSALS.get(
         error.code, (f"the board refused with code {int(error.code)}", _UPDATE)
     )
-    # A token means nothing to a person.
-    has_values = error.code is not ErrorCode.TOKEN_WRONG and (error.value != 0 or error.limit != 0)
+    unit = _MEASURED.get(error.code)
+    if unit is not None and error.field != Channel.BOARD:
+        cause += f" ({_name(Channel, error.field)})"
+    # A token, or what stands in place of a reading, means nothing to a person.
+    meaningless = error.code is ErrorCode.TOKEN_WRONG or unit == ""
+    has_values = not meaningless and (error.value != 0 or error.limit != 0)
     if error.code is ErrorCode.WRONG_STATE and error.value == BoardState.ESTOP:
         action = "power-cycle the board: nothing else ends ESTOP"
-    worded = _state_name if error.code is ErrorCode.WRONG_STATE else int
+
+    def worded(number: int) -> int | str:
+        if error.code is ErrorCode.WRONG_STATE:
+            return _name(BoardState, number)
+        return as_read(number, unit) if unit else number
+
     return Refusal(
         Reason.BOARD_REFUSED,
         cause,
@@ -177,5 +194,5 @@ def refusal(error: Error) -> Refusal:
     )
 
 
-def _state_name(number: int) -> str | int:
-    return BoardState(number).name if number in set(BoardState) else number
+def _name(kind: type[enum.IntEnum], number: int) -> str | int:
+    return kind(number).name if number in set(kind) else number

@@ -33,6 +33,7 @@ from smad.diagnosis.data.rows import MOSTLY, binned, steps_in_gaps
 from smad.diagnosis.plant import PlantModel, traits_of
 from smad.diagnosis.runs import GapRun, distinctly_named
 from smad.diagnosis.verdict import COLUMN_DOUBTED, Finding
+from smad.progress import Say, silent
 from smad.records.readings import doubted_step
 
 ROUNDED = 0.01
@@ -64,6 +65,7 @@ def admit(
     plant: PlantModel,
     period_s: float,
     contract_run: list[GapRun] | None = None,
+    progress: Say = silent,
 ) -> RunSet:
     """Check every run. A bad channel is removed from its run; a bad run is refused.
 
@@ -73,6 +75,7 @@ def admit(
     contract_run = [] if contract_run is None else contract_run
     admitted, findings = [], []
     for run in runs:
+        progress(f"admission: {run.name}")
         checked, of_run = _admit_one(run, plant, period_s, contract_run)
         findings += of_run
         if not any(f.refuses for f in of_run):
@@ -103,7 +106,10 @@ def _quiet(kind: str, text: str, *, refuses: bool = False) -> None:
 
 
 def admit_groups(
-    groups: Mapping[str, Sequence[GapRun]], plant: PlantModel, period_s: float
+    groups: Mapping[str, Sequence[GapRun]],
+    plant: PlantModel,
+    period_s: float,
+    progress: Say = silent,
 ) -> dict[str, RunSet]:
     """Each group of runs (fit, hold-out, good), in an order that does not depend on the one given.
 
@@ -115,7 +121,7 @@ def admit_groups(
     named = dict(zip(groups, distinctly_named(order), strict=True))
     once, repeats = without_repeats(named)
     contract_run: list[GapRun] = []
-    sets = {role: admit(once[role], plant, period_s, contract_run) for role in named}
+    sets = {role: admit(once[role], plant, period_s, contract_run, progress) for role in named}
     having = [{c for r in a.admitted for c in r.outputs} for a in sets.values() if a.admitted]
     common = set.intersection(*having) if having else set()
     return {

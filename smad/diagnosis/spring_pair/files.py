@@ -28,9 +28,8 @@ def diagnose_files(
     `trusted` are names or paths of runs that the nominal model's opinion does not refuse;
     `mapping` says how tables are written.
     """
-    progress("reading")
     every = (*runs, *good, *hold_out)
     fitted, known_good, judged_on = (
-        read_gap_runs(paths, every, trusted, mapping) for paths in (runs, good, hold_out)
+        read_gap_runs(paths, every, trusted, mapping, progress) for paths in (runs, good, hold_out)
     )
     return diagnose(fitted, plant=plant, good=known_good, hold_out=judged_on, progress=progress)

@@ -16,6 +16,7 @@ from smad.diagnosis.errors import GapError
 from smad.diagnosis.numerics.lag import lagged
 from smad.diagnosis.plant import Array, Channel, Mask, Signal, Traits
 from smad.diagnosis.runs import GapRun
+from smad.progress import Say, silent
 from smad.records.channels import LONGEST_STEP_S, RANGES, MappingFile, read_channels
 from smad.records.declared import BEYOND
 from smad.records.tables import left_out
@@ -235,22 +236,20 @@ def read_gap_runs(
     among: Sequence[Path],
     trusted: Sequence[str] = (),
     mapping: MappingFile | None = None,
+    progress: Say = silent,
 ) -> list[GapRun]:
     """The runs of files, with names that tell those of all files `among` which they are apart.
 
     `trusted` are names or paths of runs that are, `mapping` says how tables are written. Raises as
     `read_gap_run` does.
     """
-    together = Together()
-    return [
-        replace(
-            run,
-            name=distinct_name(path, among) or run.name,
-            trusted=bool(names_of(path) & set(trusted)),
-        )
-        for path in paths
-        for run in (read_gap_run(path, together, mapping),)
-    ]
+    together, runs = Together(), []
+    for path in paths:
+        progress(f"reading {path.name}")
+        run = read_gap_run(path, together, mapping)
+        name = distinct_name(path, among) or run.name
+        runs.append(replace(run, name=name, trusted=bool(names_of(path) & set(trusted))))
+    return runs
 
 
 def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun, Run | None]:

@@ -157,7 +157,7 @@ function offer(now, anyArmed) {
   if (shown.some((line, k) => line !== $("conditions").children[k]) || shown.length !== $("conditions").children.length) {
     $("conditions").replaceChildren(...shown);
   }
-  $("arm-now").disabled = now.conditions.some((condition) => condition.holds === false && !left.has(condition.axis))
+  $("arm-now").disabled = now.conditions.some((condition) => !condition.holds && !left.has(condition.axis))
     || (axes.length > 0 && axes.every((axis) => left.has(axis)));
   toArm = axes.filter((axis) => !left.has(axis));
 }
@@ -166,7 +166,7 @@ function offer(now, anyArmed) {
 function lineOf({ text, axis, holds, detail }) {
   if (!lines.has(text)) lines.set(text, element("li", {}, axis ? chosen(axis) : text, element("span")));
   const line = lines.get(text);
-  line.className = holds === null ? "unknown" : holds ? "holds" : "fails";
+  line.className = holds ? "holds" : "fails";
   setText(line.lastChild, detail && ` – ${detail}`);
   return line;
 }

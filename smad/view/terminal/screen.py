@@ -1,19 +1,13 @@
 """What `smad status --watch` shows: lines of text that fit a terminal. Pure."""
 
-import time
 from collections import deque
-from collections.abc import Iterator, Sequence
-from typing import Literal, NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
 
-from firmware_protocol import enums
-from firmware_protocol.supervisor.faults import FAULT_TEXTS
-from smad.api import Entry, Percentiles, Status
-from smad.files import display_path
+from smad.api import Percentiles, Status
 from smad.runlog.schema import Row
 from smad.style.strips import STRIPS, Curve, Strip
-from smad.view.state import limiter_of, running_words
 from smad.view.terminal.axis_lines import aged, axis_lines
-from smad.view.terminal.tables import wrapped
+from smad.view.terminal.status_lines import Line, events, folded, head, link, record
 
 LEAST_COLUMNS, LEAST_ROWS = 60, 20
 MOST_HISTORY = 240
@@ -22,15 +16,6 @@ GAP = " "
 KEYS = "space: STOP (disarm)   q: quit, the bench goes on"
 
 _NAME, _VALUE, _RANGE = 25, 11, 19
-
-Style = Literal["plain", "title", "good", "warned", "bad", "armed"]
-
-
-class Line(NamedTuple):
-    """One row of the screen."""
-
-    text: str
-    style: Style = "plain"
 
 
 class History:
@@ -79,45 +64,33 @@ def screen(
         needed = f"This needs {LEAST_COLUMNS} columns and {LEAST_ROWS} rows."
         return [Line(text[:columns]) for text in (needed, KEYS)][:rows]
     pinned = [Line(f"NOT LIVE: {away}", "bad")] if away else []
-    pinned += () if now is None else _pinned(now, columns)
+    if now is not None:
+        pinned += [*_folded(head(now), columns), Line("")]
     foot = [Line(said), Line(KEYS, "title")]
     room = rows - len(pinned) - len(foot)
     middle: list[Line] = []
     if now is not None:
-        measured: Iterator[Line] = _readings(now, history, columns)
         if now.axes:
-            measured = map(Line, axis_lines(now.axes, now.skew or Percentiles()))
-        middle = [*measured, *_facts(now)]
-        middle += _events(now, room - len(middle))
+            middle = [Line(text) for text in axis_lines(now.axes, now.skew or Percentiles())]
+        else:
+            middle = [*_readings(now, history, columns), Line(""), *_folded(link(now), columns)]
+        middle += [*_folded(record(now), columns), Line("")]
+        middle += events(now, room - len(middle))
     middle = middle[:room]
     middle += [Line("")] * (room - len(middle))
     return [Line(line.text[:columns], line.style) for line in (*pinned, *middle, *foot)]
 
 
-def _pinned(now: Status, columns: int) -> Iterator[Line]:
-    motion = now.motion
-    state = f"{now.bench}: {'ARMED' if motion.armed else 'not armed'}, board {motion.mode}"
-    link = f"{len(now.axes)} axes" if now.axes else f"link {now.link.state}"
-    yield Line(f"{state}, {link}", "armed" if motion.armed else "good")
-    if motion.fault is None:
-        yield Line("no fault")
-    else:
-        yield Line(f"FAULT {motion.fault.in_words()} (by the {motion.fault.by})", "bad")
-        text = FAULT_TEXTS[enums.Fault(motion.fault.number)]
-        lines = wrapped(f"{text.cause} {text.remedy} Then smad clear.", columns - 2)
-        yield from (Line(f"  {line}", "bad") for line in lines)
-    if now.warnings:
-        yield Line(f"warnings: {', '.join(now.warnings)}", "warned")
-    limiter = limiter_of(now)
-    yield Line(running_words(motion) + (f"; limited by {limiter}" if limiter else ""))
-    yield Line("")
+def _folded(lines: Iterable[Line], columns: int) -> Iterator[Line]:
+    for line in lines:
+        yield from (Line(text, line.style) for text in folded(line.text, columns).splitlines())
 
 
 def _readings(now: Status, history: History, columns: int) -> Iterator[Line]:
     width = columns - _NAME - _VALUE - _RANGE - 3
     old = aged(now.motion).strip(" ()")
-    head = f"{'':<{_NAME}} {old or 'now':>{_VALUE}} {'':<{width}} {'least … most':>{_RANGE}}"
-    yield Line(head, "bad" if old else "title")
+    over = f"{'':<{_NAME}} {old or 'now':>{_VALUE}} {'':<{width}} {'least … most':>{_RANGE}}"
+    yield Line(over, "bad" if old else "title")
     for strip, curve in CURVES:
         values = history.last(curve.column, width)
         present = [value for value in values if value is not None]
@@ -130,36 +103,3 @@ def _readings(now: Status, history: History, columns: int) -> Iterator[Line]:
         yield Line(
             f"{name:<{_NAME}} {value:>{_VALUE}} {sparkline(values):>{width}} {ends:>{_RANGE}}"
         )
-
-
-def _facts(now: Status) -> Iterator[Line]:
-    yield Line("")
-    age = now.timing.setpoint_age
-    if age.count:
-        refused = now.counts.setpoints_refused
-        yield Line(
-            f"setpoint age p50 {age.p50_us:.0f} µs, p99 {age.p99_us:.0f} µs, {refused} too old",
-            "bad" if refused else "plain",
-        )
-    missed = now.counts.missed
-    yield Line(
-        f"{now.link.rate_hz} Hz, {missed} of {now.counts.samples} samples missed",
-        "bad" if missed else "plain",
-    )
-    recorder = now.recorder
-    if recorder.error:
-        yield Line(f"run log: {recorder.error}", "bad")
-    elif recorder.recording:
-        yield Line(f"recording {display_path(recorder.path)}")
-    if now.control.holder:
-        yield Line(f"in control: {now.control.holder}, {now.control.left_s:.0f} s left")
-
-
-def _events(now: Status, room: int) -> list[Line]:
-    if room < 2:
-        return []
-    return [Line(""), *map(_event, now.events[1 - room :])]
-
-
-def _event(event: Entry) -> Line:
-    return Line(f"{time.strftime('%H:%M:%S', time.localtime(event.time_s))}  {event.text}")

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Iterator
-from functools import partial
+from typing import Literal, NamedTuple
 
 import click
 
@@ -22,46 +22,56 @@ _EVENTS = 5
 _LABEL = 11
 SENSORS_AGREE_K = 1.0
 """Two sensors of one temperature differ by less."""
-_green, _red, _yellow = (partial(click.style, fg=name) for name in ("green", "red", "yellow"))
+Style = Literal["plain", "title", "good", "warned", "bad"]
+COLOURS: dict[Style, str] = {"good": "green", "warned": "yellow", "bad": "red"}
 
 
-def lines(now: Status) -> Iterator[str]:
+class Line(NamedTuple):
+    """A line of the status or of the screen."""
+
+    text: str
+    style: Style = "plain"
+
+
+def lines(now: Status) -> Iterator[Line]:
     """The status as a person reads it, the most urgent first; a line an axis where several are."""
-    yield from _bench(now)
+    yield from head(now)
     if now.axes:
-        yield from axis_lines(now.axes, now.skew or Percentiles())
+        yield from map(Line, axis_lines(now.axes, now.skew or Percentiles()))
     else:
-        yield from _readings(now)
-        yield from _link(now)
-    yield from _record(now)
+        yield from map(Line, _readings(now))
+        yield from _board(now)
+        yield from link(now)
+        yield _line("host share", spread(now.timing.own_share))
+        yield _line("jitter", spread(now.timing.jitter))
+    yield from record(now)
     yield from _realtime(now)
-    for event in now.events[-_EVENTS:]:
-        when = time.strftime("%H:%M:%S", time.localtime(event.time_s))
-        yield labelled("event", f"{when}  {event.text}")
+    yield from events(now, _EVENTS)
 
 
-def _bench(now: Status) -> Iterator[str]:
+def head(now: Status) -> Iterator[Line]:
+    """State, fault, warnings, motion and control."""
     motion = now.motion
-    armed = _yellow("ARMED") if motion.armed else _green("not armed")
-    link = f"{len(now.axes)} axes" if now.axes else LINK_MEANS.get(now.link.state, now.link.state)
-    yield labelled("bench", f"{now.bench}: {armed}, board {motion.mode}, {link}")
+    state = f"{now.bench}: {'ARMED' if motion.armed else 'not armed'}, board {motion.mode}"
+    connection = (
+        f"{len(now.axes)} axes" if now.axes else LINK_MEANS.get(now.link.state, now.link.state)
+    )
+    yield _line("bench", f"{state}, {connection}", "warned" if motion.armed else "good")
     if motion.fault is not None:
-        yield labelled(
-            "fault", _red(f"{motion.fault.in_words()} (stopped by the {motion.fault.by})")
-        )
+        yield _line("fault", f"{motion.fault.in_words()} (by the {motion.fault.by})", "bad")
         explained = FAULT_TEXTS[Fault(motion.fault.number)]
-        yield labelled("", explained.cause)
-        yield labelled("", f"{explained.remedy} Then smad clear.")
+        yield _line("", explained.cause)
+        yield _line("", f"{explained.remedy} Then smad clear.")
     if now.warnings:
-        yield labelled("warnings", _yellow(", ".join(now.warnings)))
+        yield _line("warnings", ", ".join(now.warnings), "warned")
     done = "stopped" if motion.fault else "done" if motion.done else "under way"
     reference = "" if motion.reference_mm is None else f", reference {motion.reference_mm:.2f} mm"
-    yield labelled("motion", f"{motion.running}, {done}{reference}")
+    yield _line("motion", f"{motion.running}, {done}{reference}")
     if limiter := limiter_of(now):
-        yield labelled("limited by", limiter)
+        yield _line("limited by", limiter)
     if now.control.holder:
         whose = "you" if now.control.yours else now.control.holder
-        yield labelled("control", f"exclusive: {whose}, {now.control.left_s:.0f} s left")
+        yield _line("control", f"exclusive: {whose}, {now.control.left_s:.0f} s left")
 
 
 def _readings(now: Status) -> Iterator[str]:
@@ -69,7 +79,7 @@ def _readings(now: Status) -> Iterator[str]:
     if row is None:
         yield labelled("readings", "none yet")
         return
-    old = _yellow(age) if (age := aged(now.motion)) else ""
+    old = aged(now.motion)
     yield labelled(
         "position", f"{number(row.displacement_mm, 3)} mm, {number(row.force_N, 2)} N{old}"
     )
@@ -91,56 +101,68 @@ def _readings(now: Status) -> Iterator[str]:
     )
 
 
-def _link(now: Status) -> Iterator[str]:
-    link, counts, board = now.link, now.counts, now.board
-    yield labelled(
+def _board(now: Status) -> Iterator[Line]:
+    board = now.board
+    if board is None:
+        return
+    agree = {True: "agree", False: "DISAGREE", None: "being read"}[board.params_agree]
+    schema = "agree" if board.schema_agrees else "DISAGREE: watching only"
+    yield _line(
+        "board",
+        f"{board.firmware} ({board.uid}), protocol {board.protocol}, boot {board.boot_count} "
+        f"after {board.reset_cause}; messages {schema}, parameters {agree}",
+        "bad" if not board.schema_agrees or board.params_agree is False else "plain",
+    )
+
+
+def link(now: Status) -> Iterator[Line]:
+    """What comes over the link of the only axis, and how old setpoints are."""
+    of_link, counts, age = now.link, now.counts, now.timing.setpoint_age
+    yield _line(
         "link",
-        f"{link.port}, {link.baud} baud, {link.rate_hz} Hz, "
-        f"{counts.samples} samples, {_lost(counts.missed)} missed, {counts.skipped} skipped, "
-        f"{_lost(link.losses)} losses of the port",
+        f"{of_link.rate_hz} Hz, {counts.samples} samples, {counts.missed} missed, "
+        f"{counts.skipped} skipped, {of_link.losses} losses of the port; "
+        f"{of_link.port}, {of_link.baud} baud",
+        "bad" if counts.missed or of_link.losses else "plain",
     )
-    for note in link.notes:
-        yield labelled("", _yellow(note))
-    if board is not None:
-        agree = {True: "agree", False: _red("DISAGREE"), None: "being read"}[board.params_agree]
-        schema = "agree" if board.schema_agrees else _red("DISAGREE: watching only")
-        yield labelled(
-            "board",
-            f"{board.firmware} ({board.uid}), protocol {board.protocol}, boot {board.boot_count} "
-            f"after {board.reset_cause}; messages {schema}, parameters {agree}",
-        )
-    timing = now.timing
-    yield labelled("host share", spread(timing.own_share))
-    yield labelled(
+    yield from (_line("", note, "warned") for note in of_link.notes)
+    yield _line(
         "age",
-        f"{spread(timing.setpoint_age)}{' when applied' * bool(timing.setpoint_age.count)}; "
-        f"{_lost(counts.setpoints_refused)} refused as too old",
+        f"{spread(age)}{' when applied' * bool(age.count)}; "
+        f"{counts.setpoints_refused} refused as too old",
+        "bad" if counts.setpoints_refused else "plain",
     )
-    yield labelled("jitter", spread(timing.jitter))
 
 
-def _record(now: Status) -> Iterator[str]:
+def record(now: Status) -> Iterator[Line]:
+    """The run log that is open, or was last."""
     recorder = now.recorder
-    if recorder.recording:
-        yield labelled("recording", f"{display_path(recorder.path)}, {recorder.rows} samples")
-    elif recorder.path:
-        yield labelled("run log", f"{display_path(recorder.path)}, {recorder.rows} samples")
+    if recorder.path:
+        label = "recording" if recorder.recording else "run log"
+        yield _line(label, f"{display_path(recorder.path)}, {recorder.rows} samples")
     if recorder.error:
-        yield labelled("", _red(recorder.error))
+        yield _line("", recorder.error, "bad")
 
 
-def _realtime(now: Status) -> Iterator[str]:
+def _realtime(now: Status) -> Iterator[Line]:
     granted = [m.name for m in now.realtime if m.granted]
-    yield labelled("real time", ", ".join(granted) or "nothing granted")
+    yield _line("real time", ", ".join(granted) or "nothing granted")
     for measure in now.realtime:
         if measure.asked and not measure.granted:
-            yield labelled("", _yellow(f"no {measure.name}: {measure.detail}"))
-    yield labelled(
+            yield _line("", f"no {measure.name}: {measure.detail}", "warned")
+    yield _line(
         "daemon",
         f"smad {now.version}, process {now.pid}, up {now.uptime_s:.0f} s, "
         f"{now.memory_MiB:.0f} MiB, {counted(now.counts.commands, 'command')}, "
         f"{now.counts.refused} refused",
     )
+
+
+def events(now: Status, most: int) -> Iterator[Line]:
+    """The last events of the journal."""
+    for event in now.events[-most:] if most > 0 else ():
+        when = time.strftime("%H:%M:%S", time.localtime(event.time_s))
+        yield _line("event", f"{when}  {event.text}")
 
 
 def motion_words(motion: Motion) -> str:
@@ -186,11 +208,11 @@ def count_lines(link: LinkCounts) -> Iterator[str]:
     yield from (f"{name:<13} {text}" for name, text in rows.items())
 
 
-def other_benches(bench: str) -> Iterator[str]:
+def other_benches(bench: str) -> Iterator[Line]:
     """Name the other benches that run, if any."""
     names = [name for name in running_benches(candidate_folders()) if name != bench]
     if names:
-        yield labelled("also", f"{', '.join(names)} (smad status --bench NAME)")
+        yield _line("also", f"{', '.join(names)} (smad status --bench NAME)")
 
 
 def labelled(label: str, text: str) -> str:
@@ -198,13 +220,18 @@ def labelled(label: str, text: str) -> str:
     return f"{label:<{_LABEL}} {text}"
 
 
+def _line(label: str, text: str, style: Style = "plain") -> Line:
+    return Line(labelled(label, text), style)
+
+
+def printed(line: Line, width: int) -> str:
+    """Return a line as `folded` does, in its colour."""
+    return click.style(folded(line.text, width), fg=COLOURS.get(line.style))
+
+
 def folded(line: str, width: int) -> str:
     """Return a labelled line in lines of at most `width`: the text goes on below itself."""
     return "\n".join(wrapped(line, width, labelled("", "")))
-
-
-def _lost(count: int) -> str:
-    return _red(str(count)) if count else "0"
 
 
 def spread(part: Percentiles) -> str:

@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from smad.errors import SmadError
-from smad.view.terminal.screen import History, Line, Style, screen
+from smad.view.terminal.screen import History, screen
+from smad.view.terminal.status_lines import COLOURS, Line, Style
 
 if TYPE_CHECKING:
     import curses
@@ -61,12 +62,12 @@ class Terminal:
         self._error = curses.error
         with contextlib.suppress(curses.error):
             curses.curs_set(0)
-        self._attributes: dict[Style, int] = dict.fromkeys(_COLOURS, curses.A_BOLD)
+        self._attributes: dict[Style, int] = dict.fromkeys(COLOURS, curses.A_BOLD)
         self._attributes |= {"plain": 0, "title": curses.A_BOLD}
         if curses.has_colors():
             curses.use_default_colors()
-            for number, (style, colour) in enumerate(_COLOURS.items(), 1):
-                curses.init_pair(number, getattr(curses, colour), -1)
+            for number, (style, colour) in enumerate(COLOURS.items(), 1):
+                curses.init_pair(number, getattr(curses, f"COLOR_{colour.upper()}"), -1)
                 self._attributes[style] = curses.color_pair(number) | curses.A_BOLD
 
     def size(self) -> tuple[int, int]:
@@ -91,14 +92,6 @@ class Terminal:
         except self._error:
             return ""
         return key if isinstance(key, str) else ""
-
-
-_COLOURS: dict[Style, str] = {
-    "good": "COLOR_GREEN",
-    "warned": "COLOR_YELLOW",
-    "bad": "COLOR_RED",
-    "armed": "COLOR_YELLOW",
-}
 
 
 def run(bench: Client) -> None:

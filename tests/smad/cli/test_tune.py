@@ -14,7 +14,7 @@ from smad import api
 from smad.cli import execute
 from smad.config import Config, config_to_toml
 from smad.control.commands import Tune
-from smad.control.tuning.tuned import Trial
+from smad.experiments.tuned import Trial
 from smad.experiments.tuning import Session, tune_displacement
 from smad.experiments.virtual import VirtualDriver
 from tests.smad.cli.test_commands import STATUS

@@ -13,7 +13,8 @@ from smad import api
 from smad.cli.status import status
 from smad.client import NoAnswer
 from smad.runlog.schema import Row
-from smad.view.terminal.screen import KEYS, History, Line, screen, sparkline
+from smad.view.terminal.screen import KEYS, History, screen, sparkline
+from smad.view.terminal.status_lines import Line, lines
 from smad.view.terminal.watch import watch
 from tests.smad.cli.test_commands import MOTION, STATUS
 
@@ -35,11 +36,19 @@ def shown(now: api.Status | None = STATUS, columns: int = 80, rows: int = 24, **
 
 @pytest.mark.parametrize(("columns", "rows"), [(80, 24), (60, 20), (200, 60)])
 def test_it_fits_and_state_and_fault_stand_first(columns: int, rows: int) -> None:
-    lines = shown(FAULTED, columns, rows, said="x" * 500).splitlines()
-    assert "board FAULT" in lines[0]
-    assert lines[1].startswith("FAULT OVER_TEMPERATURE at SPRING_X")
-    assert "hotter than the limit" in lines[2]
-    assert lines[-1] == KEYS
+    drawn = shown(FAULTED, columns, rows, said="x" * 500).splitlines()
+    assert "board FAULT" in drawn[0]
+    assert drawn[1].startswith("fault       OVER_TEMPERATURE at SPRING_X")
+    assert "hotter than the limit" in drawn[2]
+    assert drawn[-1] == KEYS
+
+
+def test_it_says_what_the_status_says() -> None:
+    told = {line.text for line in lines(FAULTED)}
+    labels = {"bench", "fault", "motion", "link", "age"}
+    drawn = [line for line in shown(FAULTED, 160, 40).splitlines() if line.split(" ")[0] in labels]
+    assert {line.split(" ")[0] for line in drawn} == labels
+    assert set(drawn) <= told
 
 
 @pytest.mark.parametrize("size", [(59, 24), (80, 3), (5, 1), (1, 0)])

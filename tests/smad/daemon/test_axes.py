@@ -272,6 +272,8 @@ async def test_swapped_cables_and_a_board_without_a_name_are_refused_before_armi
         for name in ("pitch-1", "yaw-1"):
             assert f"{name}: the board belongs to another axis" in told
         assert "pitch-2: the board stores no name" in told
+        known = (await rig.ask("status"))["axes"]
+        assert known["yaw-1"]["obstacle"].startswith("the board belongs to another axis; got pitch")
         assert refused.value.reason == "disagreement"
         assert hot(rig) == []
 

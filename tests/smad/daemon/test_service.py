@@ -116,6 +116,33 @@ async def test_estop_stays_until_the_power_is_cycled(tmp_path: Path) -> None:
         assert "power-cycle" in refused.value.data["action"]
 
 
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        (("sensor_offset", {"value": 30.0}), "(SPRING_X); got 5"),
+        (("sensor_invalid", {"channel": 2.0}), "a sensor does not read (INLET); look"),
+        (("encoder_lost", {}), "a sensor does not read (ENCODER); look"),
+        (("supply_sag", {"volts": 7.0}), "too low; got 7 V; allowed: 7.5 V"),
+    ],
+)
+async def test_the_status_says_before_arming_what_the_board_then_refuses_it_for(
+    tmp_path: Path, fault: tuple[str, dict[str, float]], told: str
+) -> None:
+    kind, parameters = fault
+    bench = SimulatedBench(seed=1, faults=[injection(kind, 0.6, **parameters)])
+    async with rig_in(tmp_path, bench) as rig:
+        assert "not connected" in (await rig.ask("status"))["obstacle"]
+        await rig.connected()
+        assert (await rig.ask("status"))["obstacle"] == ""
+        await rig.run_for(1.0)
+        expected = (await rig.ask("status"))["obstacle"]
+        assert told in expected
+        with pytest.raises(Refused) as refused:
+            await rig.ask("arm")
+        assert refused.value.reason == "board_refused"
+        assert refused.value.data["cause"] in expected
+
+
 async def test_arming_twice_is_refused(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.arm()

@@ -4,6 +4,7 @@ import gc
 import re
 import shutil
 import tempfile
+import tomllib
 import zipfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -369,20 +370,32 @@ def test_a_run_log_is_read_by_its_channels_and_converted(unit: Path, tmp_path: P
     assert shown[-1] == pytest.approx(plate + 1.0, abs=1e-9)
 
 
-def test_a_unit_needs_its_map_and_is_written_no_model(
+def test_a_unit_needs_its_map(
     unit: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     run = str(run_file(tmp_path / "a.csv", 1))
-    (tmp_path / "map.toml").write_text(MAP)
-    with_map = ["--fmu", str(unit), "--map", str(tmp_path / "map.toml")]
     for options, words in (
         (["--fmu", str(unit)], "--fmu and --map belong together"),
-        ([*with_map, "--apply", "b.toml"], "--apply cannot write the model of an FMI unit"),
         (["--processes", "2"], "--processes needs --fmu or --mjcf"),
     ):
         assert execute(["gap", "diagnose", run, *options]) == 2
         (line,) = capfd.readouterr().err.splitlines()
         assert words in line
+
+
+def test_the_better_values_of_a_unit_are_written_with_their_units(
+    unit: Path, tmp_path: Path
+) -> None:
+    plant = bound_unit(unit, tmp_path, MAP).plant
+    effects = {"power_W_zero": {"b": -2.0}, "power_W_gain": {"g": 0.1}}
+    point = ModelPoint({"loss_W_K": 0.7}, effects)
+    plant.save_model(point, tmp_path / "better.toml", "note")
+    better = tomllib.loads((tmp_path / "better.toml").read_text())
+    assert better["parameters"] == {"capacity_J_K": 30.0, "loss_W_K": 0.7, "room_degC": 22.0}
+    assert better["units"] == {
+        "capacity_J_K": "J/K", "loss_W_K": "W/K", "room_degC": "degC",
+        "power_W_zero.b": "W", "power_W_gain.g": "1",
+    }  # fmt: skip
 
 
 def test_a_point_at_which_a_unit_stops_is_counted_and_said(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The runner on virtual time, with processes and a bench that are made up."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -385,8 +386,9 @@ def test_the_run_log_of_an_interrupted_item_is_recovered(night: Night) -> None:
     assert any("recovered to" in text for text in night.said)
 
 
+@pytest.mark.parametrize("back_s", [0.0, 3600.0])
 def test_a_log_that_nobody_noted_is_recovered_where_a_killed_daemon_recorded(
-    night: Night, tmp_path_factory: pytest.TempPathFactory
+    night: Night, tmp_path_factory: pytest.TempPathFactory, back_s: float
 ) -> None:
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     night.view = msgspec.structs.replace(night.view, folder=str(elsewhere))
@@ -395,6 +397,8 @@ def test_a_log_that_nobody_noted_is_recovered_where_a_killed_daemon_recorded(
     night.now_s = BEGAN_S
     night.tick()
     path = cut_log(elsewhere)
+    night.leap_s = -back_s
+    os.utime(path, (BEGAN_S - back_s, BEGAN_S - back_s))
     night.view = BenchSnapshot()
     night.processes[0].status = machine.LOST
     night.tick()

@@ -7,7 +7,7 @@ import sys
 import textwrap
 import time
 from collections.abc import Callable
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -208,9 +208,33 @@ def test_names_of_files_tell_date_and_name_and_are_never_taken_twice(tmp_path: P
     first = new_run_path(tmp_path, "step ±10 mm/slow", when)
     assert first.name == "20261120-050709-step-10-mm-slow.mcap"
     first.touch()
-    assert new_run_path(tmp_path, "step ±10 mm/slow", when).name.endswith("slow-2.mcap")
     assert free_path(first) == first.with_name(f"{first.stem}-2.mcap")
-    assert new_run_path(tmp_path, "///", when).name == "20261120-050709-run.mcap"
+    assert new_run_path(tmp_path / "other", "///", when).name == "20261120-050709-run.mcap"
+
+
+def test_the_name_of_a_file_keeps_letters_of_any_alphabet_as_far_as_disks_take_it(
+    tmp_path: Path,
+) -> None:
+    when = datetime(2026, 11, 20, 5, 7, 9)
+    for name, shown in (("Ka\u0308se lauf ü", "Käse-lauf-ü"), ("温度" * 50, "温度" * 10)):
+        path = new_run_path(tmp_path, name, when)
+        assert path.name == f"20261120-050709-{shown}.mcap"
+    RunWriter(path, HEADER).close()
+    assert read_run(path).header.name == HEADER.name
+
+
+@pytest.mark.parametrize("back", [timedelta(), timedelta(seconds=3), timedelta(hours=1)])
+def test_the_last_log_by_name_is_the_last_made_though_the_clock_went_back(
+    tmp_path: Path, back: timedelta
+) -> None:
+    when = datetime(2026, 10, 25, 2, 59, 59)
+    (tmp_path / "20380119-031407-clock-of-the-future.mcap").touch()
+    made = []
+    for then, name in ((when, "run"), (when - back, "b"), (when - back, "a"), (when, "c")):
+        made.append(new_run_path(tmp_path, name, then))
+        made[-1].touch()
+    assert sorted(tmp_path.glob("2026*")) == made
+    assert made[1].name == "20261025-030000-b.mcap"
 
 
 def test_the_newest_run_is_the_last_by_name(tmp_path: Path) -> None:
@@ -218,7 +242,9 @@ def test_the_newest_run_is_the_last_by_name(tmp_path: Path) -> None:
         newest_run(tmp_path)
     for name in ("20261120-050709-b.mcap", "20261121-000000-a.mcap", "20260101-000000-z.mcap"):
         (tmp_path / name).touch()
+    (tmp_path / "imported.mcap").touch()
     assert newest_run(tmp_path) == tmp_path / "20261121-000000-a.mcap"
+    assert Path(list_runs(tmp_path, 1)[0].path) == newest_run(tmp_path)
 
 
 FULL_DISK = """

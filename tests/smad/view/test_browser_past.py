@@ -68,7 +68,7 @@ async def follow(source: Source, log: Path) -> None:
         row = known(n / RATE_HZ)
         axis.now = tuple(getattr(row, name) for name in PLACES)
         axis.feed.add(BEGAN_S + row.t_s, axis.now)
-    axis.shown, source.why_away = bench_state(status("SAFE"), {}, 100.0), ""
+    axis.shown, source.why_away = bench_state(status("SAFE")), ""
     while True:
         axis.heard()
         source.version += 1

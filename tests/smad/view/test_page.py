@@ -265,7 +265,7 @@ async def test_a_stop_while_the_page_takes_control_is_not_known_to_its_arming(ri
 async def test_control_is_given_back_once_somebody_else_has_stopped_the_bench(rig: Rig) -> None:
     rig.browser.say({"do": "arm", "id": 1})
     await rig.settle()
-    rig.axis.shown = bench_state(status("COOL"), {}, 100.0)
+    rig.axis.shown = bench_state(status("COOL"))
     for version, asked in ((0, "take_control"), (1, "take_control"), (2, "release_control")):
         # The first ones may have been asked for before the bench was armed.
         rig.source.version = version
@@ -331,7 +331,7 @@ async def test_frames_and_status_name_one_mode_and_the_first_message_what_each_m
     rig: Rig,
 ) -> None:
     # The status was asked for before the stop; the samples know of it already.
-    rig.axis.shown = bench_state(status("ARMED"), {}, 100.0)
+    rig.axis.shown = bench_state(status("ARMED"))
     rig.axis.mode = int(BoardState.COOL)
     await rig.frames_pass(1)
     rig.source.version += 1
@@ -568,7 +568,7 @@ async def test_a_stop_ends_a_job_on_the_bench_and_no_other(rig: Rig) -> None:
 
 
 async def test_a_job_is_not_begun_after_a_stop_that_the_page_had_not_shown(rig: Rig) -> None:
-    rig.axis.shown = bench_state(status("SAFE"), {}, 100.0)
+    rig.axis.shown = bench_state(status("SAFE"))
     rig.source.folder = "/nowhere"
     job = {"kind": "page", "runs": ["a.mcap"]}
     rig.browser.say({"do": "begin", "id": 1, "generation": 2, "job": job})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ import pytest
 from smad.diagnosis.data.admission import admit
 from smad.diagnosis.data.opinions import compare
 from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair.signals import read_gap_runs
 from smad.diagnosis.verdict import Finding
 from tests.smad.diagnosis.heater_plant import HeaterPlant, recorded
+from tests.smad.runlog.helpers import write_small_run
 
 PLANT = HeaterPlant()
 RUN = recorded("random", 1, duration_s=50.0)
@@ -23,6 +26,15 @@ def findings(run: GapRun) -> list[Finding]:
 
 def refusals(run: GapRun) -> list[str]:
     return [f.text for f in findings(run) if f.refuses]
+
+
+def test_progress_names_each_file_that_is_read_and_each_run_that_is_checked(tmp_path: Path) -> None:
+    told: list[str] = []
+    paths = [write_small_run(tmp_path / name, 50) for name in ("käse ü.mcap", "b.mcap")]
+    read_gap_runs(paths, paths, progress=told.append)
+    admit([RUN, replace(RUN, name="second")], PLANT, 1.0, progress=told.append)
+    assert told[:2] == ["reading käse ü.mcap", "reading b.mcap"]
+    assert told[2:] == [f"admission: {RUN.name}", "admission: second"]
 
 
 def test_a_run_without_its_channels_names_them_and_what_it_has() -> None:

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from smad.config import ControlConfig
 from smad.control.commands import Spring, Tune
@@ -16,16 +15,14 @@ from smad.control.tuning.identify import (
     MOST_DRIFT_PER_S,
     Cooling,
     Stillness,
-    between,
     cooled,
     pulled,
     stillness,
 )
 from smad.control.tuning.plans import SPRINGS, START_MM, TRIAL_CYCLES, TRIAL_MM, TRIAL_PERIOD_S
 from smad.control.tuning.rules import NOISE_A, Gains, Lag, Margins, band_mm, gains_for, margins_of
+from smad.experiments.recording import Recording
 
-Columns = Mapping[str, ArrayLike]
-Marks = Mapping[str, float]
 REACH_MM = 0.5
 
 
@@ -65,9 +62,9 @@ class Tuned:
         )
 
 
-def tuned_displacement(columns: Columns, marks: Marks, config: ControlConfig) -> Tuned:
+def tuned_displacement(run: Recording, config: ControlConfig) -> Tuned:
     """Gains of the displacement loop. Raises TuningError with the reason why not."""
-    rest = between(columns, marks, "still", "moving")
+    rest = run.between("still", "moving")
     still = stillness(
         rest["t_s"],
         rest["displacement_mm"],
@@ -77,7 +74,7 @@ def tuned_displacement(columns: Columns, marks: Marks, config: ControlConfig) ->
     models: dict[Spring, Lag] = {}
     cooling: dict[Spring, Cooling] = {}
     for spring, sign in zip(SPRINGS, (1.0, -1.0), strict=True):
-        part = between(columns, marks, f"{spring} pulses", f"{spring} cools")
+        part = run.between(f"{spring} pulses", f"{spring} cools")
         at_mm = float(np.nanmean(part["displacement_mm"][:5]))
         if abs(at_mm - sign * START_MM) > REACH_MM:
             raise TuningError(
@@ -102,7 +99,7 @@ def tuned_displacement(columns: Columns, marks: Marks, config: ControlConfig) ->
                 action="check tendon, heater and the current limit",
             )
         models[spring] = model
-        cold = between(columns, marks, f"{spring} cools", f"{spring} cooled")
+        cold = run.between(f"{spring} cools", f"{spring} cooled")
         cooling[spring] = cooled(
             cold["t_s"], cold[f"rtd_{spring}_degC"], cold["rtd_inlet_degC"], f"spring {spring}"
         )
@@ -115,19 +112,17 @@ def tuned_displacement(columns: Columns, marks: Marks, config: ControlConfig) ->
     return replace(tuned, cooling=cooling, band_mm=band)
 
 
-def tuned_temperature(
-    columns: Columns, marks: Marks, config: ControlConfig, spring: Spring
-) -> Tuned:
+def tuned_temperature(run: Recording, config: ControlConfig, spring: Spring) -> Tuned:
     """Gains of the temperature loop, from one spring. Raises TuningError with the reason."""
     name = f"rtd_{spring}_degC"
-    rest = between(columns, marks, "still", "moving")
+    rest = run.between("still", "moving")
     still = stillness(
         rest["t_s"],
         rest[name],
         f"temperature of spring {spring} (K)",
         MOST_DRIFT_PER_S["temperature"],
     )
-    part = between(columns, marks, "moving", f"{spring} cools")
+    part = run.between("moving", f"{spring} cools")
     model = pulled(
         part["t_s"],
         part[name],
@@ -162,9 +157,9 @@ class Trial:
     pump_starts: int
 
 
-def trial_of(columns: Columns, marks: Marks) -> Trial:
-    """The trial of displacement from its samples. Raises TuningError when it ended early."""
-    part = between(columns, marks, "trial", "end")
+def trial_of(run: Recording) -> Trial:
+    """The trial of displacement from its samples. Raises ExperimentError when it ended early."""
+    part = run.between("trial", "end")
     t = part["t_s"] - part["t_s"][0]
     reference, actual = part["reference_mm"], part["displacement_mm"]
     sine_s = TRIAL_CYCLES * TRIAL_PERIOD_S
@@ -201,9 +196,9 @@ class WarmTrial:
     ripple_mA: float
 
 
-def warm_trial_of(columns: Columns, marks: Marks, spring: Spring) -> WarmTrial:
-    """The trial of temperature from its samples. Raises TuningError when it ended early."""
-    part = between(columns, marks, "trial", "end")
+def warm_trial_of(run: Recording, spring: Spring) -> WarmTrial:
+    """The trial of temperature from its samples. Raises ExperimentError when it ended early."""
+    part = run.between("trial", "end")
     t = part["t_s"] - part["t_s"][0]
     error = part["reference_degC"] - part[f"rtd_{spring}_degC"]
     out = np.flatnonzero(np.abs(error) > 0.5)
