@@ -17,9 +17,9 @@ async def test_the_named_run_log_of_a_program_that_was_killed_ends(tmp_path: Pat
         # As the client library does: the lease comes with the arming, after the recording began.
         await rig.ask("record.start", b"ada", name="first")
         lease = (await rig.ask("control.take", b"ada", name="Ada", lease_s=0.5))["lease"]
-        await rig.ask("arm", b"ada", told={"lease": lease})
+        await rig.ask("arm", b"ada", members={"lease": lease})
         with pytest.raises(Refused, match="being recorded already"):
-            await rig.ask("record.start", b"ada", told={"lease": lease}, name="second")
+            await rig.ask("record.start", b"ada", members={"lease": lease}, name="second")
         await silent_for(rig, 0.7)
         assert not (await rig.ask("motion"))["armed"]
         assert "second" in (await rig.ask("record.start", b"bob", name="second"))["path"]
