@@ -128,7 +128,8 @@ def test_too_few_rows_make_no_trend() -> None:
     assert trend_of("a", X[: REFERENCE + 1], X[: REFERENCE + 1]) is None
     few = health_of([row(1, stroke_mm=1.0)], {})
     assert headline(few) == (
-        "1 row so far: a trend needs 12 of one name in one session, or 4 sessions"
+        "no trend yet, 1 row in health.jsonl: a trend needs 12 runs of one name in one session, "
+        "or 4 sessions"
     )
     assert "<table" not in render(page(few, "bench"))
 
