@@ -192,7 +192,7 @@ def test_a_verdict_of_a_check_up_gives_parameters_floors_and_causes(tmp_path: Pa
     assert found.values["floor_rtd_x_K"] == Value(0.1)
     assert found.words == ("the film has changed", "film of X (0.80)")
     path.write_text("[]")
-    with pytest.raises(HealthError, match="no verdict"):
+    with pytest.raises(HealthError, match="not a verdict"):
         row_of_verdict(path)
 
 
