@@ -118,6 +118,12 @@ def test_every_command_of_the_table_exists_and_has_help() -> None:
         assert command.get_short_help_str(200), name
 
 
+def test_no_line_in_a_list_of_commands_is_cut(capfd: pytest.CaptureFixture[str]) -> None:
+    for name in ("", *COMMANDS):
+        assert execute([*name.split(), "--help"]) == 0
+        assert "..." not in capfd.readouterr().out.partition("Commands:")[2], name
+
+
 def test_a_letter_that_the_terminal_lacks_ends_no_command(monkeypatch: pytest.MonkeyPatch) -> None:
     printed = io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(printed, "latin-1"))
