@@ -745,9 +745,13 @@ def test_logs_are_those_of_the_bench_whose_daemon_runs(
     recorder = msgspec.structs.replace(STATUS.recorder, folder=str(elsewhere))
     daemon.answers["status"] = msgspec.structs.replace(STATUS, recorder=recorder)
     assert execute(["log", "list"]) == 0
-    assert "elsewhere.mcap" in capfd.readouterr().out
+    said = capfd.readouterr()
+    assert "elsewhere.mcap" in said.out
+    assert said.err == f"in {elsewhere}:\n"
     assert execute(["log", "list", "--folder", "runs"]) == 0
-    assert "runs.mcap" in capfd.readouterr().out
+    said = capfd.readouterr()
+    assert "runs.mcap" in said.out
+    assert said.err == ""
 
 
 def test_without_a_daemon_logs_are_those_of_the_current_folder(
