@@ -47,8 +47,8 @@ def per_call_us(call: Callable[[Sample], object], given: list[Sample]) -> float:
     passes = []
     for _ in range(3):
         began = time.perf_counter()
-        for one in given:
-            call(one)
+        for sample in given:
+            call(sample)
         passes.append((time.perf_counter() - began) / len(given) * 1e6)
     return min(passes)
 

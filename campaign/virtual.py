@@ -217,22 +217,24 @@ class Rig:
         method: str,
         client: bytes = b"me",
         *,
-        told: dict[str, Any] | None = None,
+        members: dict[str, Any] | None = None,
         **params: Any,
     ) -> Any:
         """Send a command and return its result. Raises Refused with the error reply.
 
-        Samples pass until it is there, as many as the threads take wall time for. `told` has what
-        goes beside the parameters: the secret of a lease, a generation.
+        Samples pass until it is there, as many as the threads take wall time for. `members` go
+        beside the parameters: the secret of a lease, a generation.
         """
-        return result_of(await self.run_until(self.begin(method, client, told=told, **params)))
+        return result_of(
+            await self.run_until(self.begin(method, client, members=members, **params))
+        )
 
     def begin(
         self,
         method: str,
         client: bytes = b"me",
         *,
-        told: dict[str, Any] | None = None,
+        members: dict[str, Any] | None = None,
         **params: Any,
     ) -> asyncio.Future[bytes]:
         """Send a command, the two that stop over the stop channel; the future has its reply."""
@@ -241,7 +243,7 @@ class Rig:
         request = {"jsonrpc": "2.0", "id": self._last_id, "method": method, "params": params}
         answers = self.daemon.dispatcher
         answer = answers.stop if method in ("disarm", "estop") else answers.command
-        answer(client, msgspec.json.encode({**request, **(told or {})}), reply.set_result)
+        answer(client, msgspec.json.encode({**request, **(members or {})}), reply.set_result)
         return reply
 
     async def arm(self) -> None:

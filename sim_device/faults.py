@@ -442,6 +442,6 @@ def parse_injection(text: str) -> Injection:
         parameters = numbers_by_name(tail)
     except ValueError:
         raise FaultSpecError(
-            f"{text!r} holds something that is no number; write NAME@seconds[:parameter=value,...]"
+            f"{text!r} has a value that is not a number; write NAME@seconds[:parameter=value,...]"
         ) from None
     return injection(name.strip(), at_s, **parameters)

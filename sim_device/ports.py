@@ -208,7 +208,7 @@ def socket_from_descriptor(number: int, counts: PortCounts | None = None) -> Soc
         return SocketPort(socket.socket(fileno=number), f"fd:{number}", counts)
     except OSError as error:
         raise PortError(
-            f"descriptor {number} is no open socket ({error.strerror}); "
+            f"descriptor {number} is not an open socket ({error.strerror}); "
             "pass one end of a socket pair to this process"
         ) from error
 
@@ -216,7 +216,7 @@ def socket_from_descriptor(number: int, counts: PortCounts | None = None) -> Soc
 def _point(symlink: Path, target: str) -> None:
     """Make `symlink` point to `target` in one step; a file that is no symlink stays."""
     if symlink.exists() and not symlink.is_symlink():
-        raise PortError(f"{symlink} is there and is no symlink; choose another name or remove it")
+        raise PortError(f"{symlink} exists and is not a symlink; choose another name or remove it")
     beside = symlink.with_name(f".{symlink.name}.{os.getpid()}")
     try:
         beside.unlink(missing_ok=True)

@@ -76,7 +76,7 @@ def _words(target: Target) -> list[bytes]:
 def _changes(
     rng: random.Random, words: Sequence[bytes], corpus: Sequence[bytes]
 ) -> tuple[Callable[[bytes], bytes], ...]:
-    def at(data: bytes) -> int:
+    def position(data: bytes) -> int:
         return rng.randint(0, len(data))
 
     def flip(data: bytes) -> bytes:
@@ -87,25 +87,25 @@ def _changes(
         return bytes(changed)
 
     def drop(data: bytes) -> bytes:
-        start = at(data)
+        start = position(data)
         return data[:start] + data[start + rng.randint(1, 16) :]
 
     def insert(data: bytes) -> bytes:
-        start = at(data)
+        start = position(data)
         return data[:start] + rng.choice(words) + data[start:]
 
     def replace(data: bytes) -> bytes:
-        start, word = at(data), rng.choice(words)
+        start, word = position(data), rng.choice(words)
         return data[:start] + word + data[start + len(word) :]
 
     def repeat(data: bytes) -> bytes:
-        start = at(data)
+        start = position(data)
         piece = data[start : start + rng.randint(1, 32)]
         return data[:start] + piece * rng.randint(2, 8) + data[start:]
 
     def splice(data: bytes) -> bytes:
         other = rng.choice(corpus)
-        return data[: at(data)] + other[at(other) :]
+        return data[: position(data)] + other[position(other) :]
 
     def set_value(data: bytes) -> bytes:
         places = list(_VALUE.finditer(data))

@@ -44,7 +44,7 @@ def cases_of(path: Path, keys: Sequence[Path]) -> list[CaseRivals]:
             return _of_recovery(list(answers.values()))
         return _of_bank(path, msgspec.json.decode(data, type=VerdictFile), keys)
     except (OSError, msgspec.MsgspecError) as error:
-        raise BankError(f"{path} is no file of `recover` or `check` ({error}): give one") from None
+        raise BankError(f"{path} is not by `recover` or `check` ({error}): give one") from None
 
 
 def _of_recovery(answers: Sequence[Answer]) -> list[CaseRivals]:

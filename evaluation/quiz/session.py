@@ -112,7 +112,7 @@ def asked(
     only that since then.
     """
 
-    def one(seed: int) -> dict[str, Any]:
+    def investigate_seed(seed: int) -> dict[str, Any]:
         folder = out / f"runs-{seed}"
         folder.mkdir(parents=True, exist_ok=True)
         began = _processor_s()
@@ -122,7 +122,7 @@ def asked(
         shutil.rmtree(folder)
         return {**case, "quick": order.quick, "processor_s": round(_processor_s() - began, 1)}
 
-    return one
+    return investigate_seed
 
 
 def _processor_s() -> float:

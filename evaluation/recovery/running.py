@@ -45,7 +45,7 @@ def read(path: Path) -> RecoveryFile:
         return msgspec.json.decode(path.read_bytes(), type=RecoveryFile)
     except (OSError, msgspec.DecodeError) as error:
         raise WithheldError(
-            f"{path} is no file of recovery answers ({error}): give one that `recover` wrote"
+            f"{path} is not a file of recovery answers ({error}): give one that `recover` wrote"
         ) from None
 
 

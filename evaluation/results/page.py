@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from evaluation.results.record import FOLDER, Result, kept
+from evaluation.results.record import FOLDER, Result, all_results
 from smad.report.page import Table
 
 PAGE = Path(__file__).parent / "README.md"
@@ -143,7 +143,7 @@ def _calibration(folder: Path = FOLDER) -> Result | None:
 
 def main(arguments: list[str]) -> int:
     """Write the pages; with `--check` say whether they are stale, and end with status 1 if so."""
-    pages = {PAGE: rendered(kept())}
+    pages = {PAGE: rendered(all_results())}
     if TRUST.exists():
         pages[TRUST] = with_reliability(TRUST.read_text(), _calibration())
     stale = [p for p, text in pages.items() if not p.exists() or p.read_text() != text]

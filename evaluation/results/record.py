@@ -46,7 +46,7 @@ def keep(path: Path, tables: dict[str, Table], *, title: str, command: str, note
         ) from None
 
 
-def kept(folder: Path = FOLDER) -> list[Result]:
+def all_results(folder: Path = FOLDER) -> list[Result]:
     """Every kept result, the newest first. Raises WithheldError for a file that is none."""
     results = []
     for path in folder.glob("*.json"):

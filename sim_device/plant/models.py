@@ -130,7 +130,7 @@ def read_model(path: str | Path) -> Model:
         named = raw.get("format")
         wrong = "it has no format" if named is None else f"format {named!r} is not {FORMAT!r}"
         raise ModelError(
-            f"{path.name} is no model file: {wrong}; "
+            f"{path.name} is not a model file: {wrong}; "
             "smad gap diagnose --apply writes one, and smad gap apply makes one of a verdict"
         )
     unknown = sorted(set(raw) - _KEYS)

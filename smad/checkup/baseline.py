@@ -52,7 +52,7 @@ def commission(
         ended = play_series(place, programme, player(number), originals, say)
         if ended:
             raise BaselineError(
-                f"{place.name} is no repeat of {FIRST}, and is left out: {ended}",
+                f"{place.name} is not a repeat of {FIRST}, and is left out: {ended}",
                 value=f"{counted(have, 'repeat')} so far",
                 action="see what changed on the bench, then give the same command again",
             )

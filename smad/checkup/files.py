@@ -47,7 +47,7 @@ def read_folder(folder: Path) -> list[RunFile]:
     """
     if not folder.is_dir():
         raise PairingError(
-            f"{folder} is no folder", action="give the folder that holds the run files"
+            f"{folder} is not a folder", action="give the folder that holds the run files"
         )
     paths = sorted(
         p for p in _files_below(folder) if p.is_file() and p.name.lower().endswith(_KINDS)
@@ -174,7 +174,7 @@ def require_other_recordings(good: Sequence[RunFile], now: Sequence[RunFile]) ->
                     + (": one is a link to the other" if linked else ""),
                     action="give runs of now that are not among the good ones"
                     if role == "now"
-                    else "leave one out: a copy repeats better than any bench does",
+                    else "leave one out: a copy does not show how a bench varies",
                 )
             earlier += [run] if role == "good" else []
 

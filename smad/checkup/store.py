@@ -185,7 +185,7 @@ def read_about(folder: Path) -> About:
         about = msgspec.json.decode((folder / _ABOUT).read_bytes(), type=About)
     except OSError as error:
         raise BaselineError(
-            f"{folder} is no baseline: {_ABOUT} cannot be read ({error.strerror})",
+            f"{folder} is not a baseline: {_ABOUT} cannot be read ({error.strerror})",
             action="make one with smad gap commission",
         ) from error
     except msgspec.MsgspecError as error:

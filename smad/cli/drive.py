@@ -56,9 +56,9 @@ def estop(bench: str = bench_option) -> None:
 
 @click.command(cls=Command)
 def clear(fault: Fault | None = fault_argument, bench: str = axis_option) -> None:
-    """Acknowledge the latched fault; with FAULT (name or number) only that one.
+    """Acknowledge the latched fault.
 
-    This works once the cause of the fault is gone and the springs are cold.
+    With FAULT (name or number) only that one. Its cause must be gone, and the springs cold.
     """
     with client(bench) as bench_client:
         bench_client.clear(fault)

@@ -112,7 +112,7 @@ def apply(
         "--first", "Only this many causes; 0: the parameters alone.", Whole(0)
     ),
 ) -> None:
-    """Write the model of a VERDICT, with all causes or the first few.
+    """Write the model of a VERDICT, with all or some causes.
 
     A verdict is what --json of `smad gap diagnose` and `smad gap checkup` writes.
     """
@@ -134,7 +134,7 @@ def effects(
     variant: str = variant_option,
     as_json: bool = json_option,
 ) -> None:
-    """List the effects of the library, or those of NAME: places, units, ranges."""
+    """List the effects of the library, or explain NAME."""
     from smad.diagnosis.report.words import library_lines
     from smad.diagnosis.spring_pair import SmaPlant
 

@@ -99,7 +99,7 @@ def require_among(names: Sequence[str], groups: Sequence[Sequence[Path]], option
         if name not in words:
             file_names = ", ".join(sorted({path.name for group in groups for path in group}))
             raise click.BadParameter(
-                f"{name!r} is none of the runs given. They are: {file_names}", param_hint=option
+                f"{name!r} is not among the runs given. They are: {file_names}", param_hint=option
             )
 
 

@@ -82,15 +82,16 @@ def list_command(
     from smad.runlog import words
     from smad.runlog.overview import list_runs
 
-    folder = place or folder
-    runs = list_runs(folder)
+    runs = list_runs(folder := place or folder)
     if as_json:
         print_json(runs)
         return
-    if not runs:
-        click.echo(f"no run logs in {folder}")
-        return
-    print_columns(words.OVERVIEW, [words.overview_row(run) for run in runs], numeric=(4, 5, 6))
+    source = click.get_current_context().get_parameter_source("folder")
+    unasked = not place and source is click.core.ParameterSource.DEFAULT and folder != _HERE
+    if not runs or unasked:
+        click.echo(f"in {folder}:" if runs else f"no run logs in {folder}", err=bool(runs))
+    if runs:
+        print_columns(words.OVERVIEW, [words.overview_row(run) for run in runs], numeric=(4, 5, 6))
 
 
 @log.command()

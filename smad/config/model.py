@@ -72,7 +72,7 @@ class TcpConfig(Section, frozen=True, kw_only=True):
         for number, key in enumerate(self.allowed_keys, start=1):
             if not is_curve_key(key):
                 raise ValueError(
-                    f"`allowed_keys`, entry {number} of {len(self.allowed_keys)} is no key; "
+                    f"`allowed_keys`, entry {number} of {len(self.allowed_keys)} is not a key; "
                     f"got {key!r}; allowed: {KEY_CHARACTERS} characters of Z85; "
                     "copy the public key that `smad keys` printed"
                 )

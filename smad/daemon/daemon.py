@@ -110,7 +110,7 @@ class Daemon:
             Path(config.recorder.folder).absolute(),
             header,
             process.clocks,
-            lambda text: self.say("state", text, {}),
+            lambda text: self.say("record", text, {}),
         )
         self.publisher = Publisher(self.loop, config.telemetry)
         self.collector = IdleCollector(enabled=False)

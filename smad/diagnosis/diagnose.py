@@ -153,7 +153,7 @@ def library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]
     foreign = sorted(set(candidates or ()) - names)
     if foreign:
         raise PlantMismatch(
-            "a candidate is no effect of this plant",
+            "a candidate is not an effect of this plant",
             value=foreign[0],
             action=instead(foreign[0], sorted(names), "name effects of the plant's library"),
         )

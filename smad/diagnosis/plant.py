@@ -102,7 +102,7 @@ class EffectParameter:
             )
         if self.strength and self.typical == 0.0:
             raise GapError(
-                f"the strength {self.name} is typically 0, which is no effect at all",
+                f"the strength {self.name} is typically 0, which is not an effect at all",
                 value=self.typical,
                 limit="not 0",
                 action="give the value that a bench may well show",

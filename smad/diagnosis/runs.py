@@ -67,7 +67,7 @@ class GapRun:
             numbers = np.zeros(())
         if numbers.ndim != 1:
             raise GapError(
-                f"run {self.name}: column {name} is no sequence of numbers",
+                f"run {self.name}: column {name} is not a sequence of numbers",
                 value=type(column).__name__,
                 limit="one number for each sample",
                 action="give an array, or a list",

@@ -408,6 +408,6 @@ def read_verdict(path: Path) -> Verdict:
         return Verdict.from_json(read_whole(path))
     except msgspec.DecodeError as error:
         raise GapError(
-            f"{path} is no verdict: {error}",
+            f"{path} is not a verdict: {error}",
             action="give a file that --json of smad gap diagnose or smad gap checkup wrote",
         ) from error

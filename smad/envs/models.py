@@ -30,7 +30,7 @@ def model_of(source: str | Path | Model) -> Model:
         return read_model(source)
     except PlantError as error:
         raise EnvError(
-            "this is no model of the spring pair",
+            "this is not a model of the spring pair",
             value=str(error),
             action="give a file that smad gap diagnose --apply or save_model wrote",
         ) from None

@@ -107,7 +107,7 @@ def trackings(runs: Mapping[str, Run], robot: Robot) -> Iterator[Tracking]:
     marks = [e for e in notes if e.text.startswith(_MARK) or e.text == _END]
     if len(marks) < 2:
         raise RunLogError(
-            f"{base.path} is no log of six-axes",
+            f"{base.path} is not a log of six-axes",
             value=f"{len(marks)} marks",
             action="record one: smad run six-axes",
         )

@@ -62,8 +62,8 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
             by_period = scores["air"].by_period
             good = next((k for k, r2 in enumerate(by_period) if r2 < LOST), len(by_period))
             air: Recording = runs["air"]
-            kept = air.t_s <= air.t_s[0] + good * period_s
-            r2 = tracking_r2(air["reference_mm"][kept], air["displacement_mm"][kept])
+            before_loss = air.t_s <= air.t_s[0] + good * period_s
+            r2 = tracking_r2(air["reference_mm"][before_loss], air["displacement_mm"][before_loss])
             comparisons.append(
                 Comparison(
                     f"Fig. 11: {course} in air",

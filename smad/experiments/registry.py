@@ -85,7 +85,7 @@ def chosen_experiments(names: Sequence[str], settings: Sequence[str] = ()) -> li
             name = chosen[0]
         if not equals or name not in options:
             raise ExperimentError(
-                "this is no setting of an experiment that runs",
+                "this is not a setting of an experiment that runs",
                 value=setting,
                 action="write EXPERIMENT.KEY=VALUE",
             )

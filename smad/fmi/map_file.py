@@ -170,7 +170,7 @@ def _check(path: Path, mapped: Map) -> None:
     for variable, start in mapped.start.items():
         if isinstance(start, str) and start.removesuffix("_rate") not in mapped.channels:
             raise FmiError(
-                f"map file {path}, start.{variable} is no channel of the map",
+                f"map file {path}, start.{variable} is not a channel of the map",
                 value=start,
                 limit=", ".join([*mapped.channels, *(f"{c}_rate" for c in mapped.channels)]),
                 action="correct it, or give a number",

@@ -84,7 +84,7 @@ def _identifier(path: Path, name: Any) -> str:
     """Return what the binaries are called. Raises FmiError for what leads out of the archive."""
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", str(name)):
         raise FmiError(
-            f"{path}: its modelIdentifier is no name of a library",
+            f"{path}: its modelIdentifier is not the name of a library",
             value=str(name),
             limit="letters, digits and underscores, as FMI 2.0 says",
             action="do not run it; export it again",

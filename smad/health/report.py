@@ -86,8 +86,8 @@ def headline(health: Health) -> str:
     """Return the state of the bench in one sentence."""
     if not health.trends:
         return (
-            f"{counted(len(health.rows), 'row')} so far: a trend needs {LEAST_ROWS} of one name in "
-            f"one session, or {LEAST_SITTINGS} sessions"
+            f"no trend yet, {counted(len(health.rows), 'row')} in health.jsonl: a trend needs "
+            f"{LEAST_ROWS} runs of one name in one session, or {LEAST_SITTINGS} sessions"
         )
     returned = ", ".join(trend.name for trend in health.returned)
     passed = f"; changed for a while and came back: {returned}" if returned else ""

@@ -42,7 +42,7 @@ def row_of_verdict(path: Path) -> Row:
         verdict = msgspec.json.decode(path.read_bytes(), type=_Verdict)
     except (OSError, msgspec.MsgspecError) as error:
         raise HealthError(
-            f"{path} is no verdict of a check-up: {error}",
+            f"{path} is not a verdict of a check-up: {error}",
             action="give what smad gap checkup --json wrote",
         ) from None
     values = {f"parameter_{p.name}": Value(p.after, p.sd) for p in verdict.parameters}

@@ -65,7 +65,7 @@ def _parameter_text(config: Config) -> str:
         path = Path(config.plant.parameter_file)
         if path.exists() and not path.is_file():
             raise ConfigError(
-                "plant.parameter_file is no file", value=str(path), action="name a TOML file"
+                "plant.parameter_file is not a file", value=str(path), action="name a TOML file"
             )
         return path.read_text()
     return (resources.files("sim_device") / "plant" / "data" / "set_a.toml").read_text()

@@ -187,7 +187,7 @@ class Store:
                 return
         if application != APPLICATION:
             raise StoreError(
-                f"{self.path} is no queue of smad", action="name another folder, or move it away"
+                f"{self.path} is not a queue of smad", action="name another folder, or move it away"
             )
         if version > VERSION:
             raise StoreError(

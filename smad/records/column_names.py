@@ -131,7 +131,7 @@ def _from_name(name: str, exact: Collection[str]) -> ColumnRule | None:
     if unit not in units_for(channel_unit):
         raise LogImportError(
             f"column {name!r} looks like {channel}, but "
-            + (f"{unit!r} is no unit for it" if unit else "its unit is missing"),
+            + (f"{unit!r} is not a unit for it" if unit else "its unit is missing"),
             limit=alternatives(channel_unit),
             action=f"rename it (for example {stem}_{channel_unit}) or use a mapping file",
         )

@@ -103,7 +103,7 @@ def read_head(path: Path, file: TextIO, delimiter: str = "") -> Head:
         ]
     _require_distinct(path, names, before[row].number)
     passed = tuple(
-        f"line {x.number} is no line of names: {x.text.strip()[:60]}" for x in before[:row]
+        f"line {x.number} is not a line of names: {x.text.strip()[:60]}" for x in before[:row]
     )
     first_cells = [] if first is None else cells
     return Head(names, before[last].number, delimiter, passed, first_cells)

@@ -159,7 +159,7 @@ class CsvTable:
             if "Empty CSV" in str(error):
                 return
             raise LogImportError(
-                f"{self.path} is no table: {self._first_bad_row() or error}",
+                f"{self.path} is not a table: {self._first_bad_row() or error}",
                 action="correct the line",
             ) from None
 
@@ -274,7 +274,7 @@ def open_csv(path: Path, form: CsvFormat) -> CsvTable:
         most = require_bounded_text(path, len(head.names))
         return CsvTable(path, head, form, most, encoding, guessed)
     raise LogImportError(
-        f"{path} is no text: {wrong}",
+        f"{path} is not text: {wrong}",
         action='save it as UTF-8 CSV, or say `encoding = "…"` under [csv] in a mapping file',
     )
 

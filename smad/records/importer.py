@@ -157,7 +157,7 @@ def _read_beside(source: Path) -> _Beside:
         ) from error
     except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
         raise LogImportError(
-            f"{path} is no header of an exported log: {error}",
+            f"{path} is not the header of an exported log: {error}",
             action=f"move it away; {source.name} can be imported without",
         ) from None
 

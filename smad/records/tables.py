@@ -187,7 +187,7 @@ def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
     kind = next((kind for kind in KINDS if path.name.lower().endswith(kind)), None)
     if kind is None:
         raise LogImportError(
-            f"{path} is no table",
+            f"{path} is not a table",
             value=path.suffix or "no suffix",
             limit=", ".join(KINDS),
             action="convert it, or name it .csv if it is text",

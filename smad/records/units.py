@@ -44,7 +44,7 @@ def convert(values: Array, unit: str, to: str) -> Array:
     source, target = known(unit), known(to)
     if source is None or target is None or source.si != target.si:
         raise LogImportError(
-            f"{unit} is no unit for a value in {to}",
+            f"{unit} is not a unit for a value in {to}",
             value=unit,
             limit=alternatives(to),
             action="correct the unit",

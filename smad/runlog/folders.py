@@ -21,7 +21,7 @@ def whole_folder(target: Path, marker: str, what: str, *, overwrite: bool) -> It
         raise RunLogError(f"{target} is there already", action="use --overwrite or another name")
     if target.exists() and not (target / marker).is_file():
         raise RunLogError(
-            f"{target} is no {what}, and is not replaced by one", action="name another folder"
+            f"{target} is not a {what}, and is not replaced by one", action="name another folder"
         )
     with refused_by_system(RunLogError, f"cannot write {target}", action="check folder and space"):
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -176,7 +176,7 @@ def _read(path: Path, axis: str, progress: Share) -> Run:
         ) from error
     except NotMcapError as error:
         raise RunLogError(
-            f"{path} is no run log: {error.why}",
+            f"{path} is not a run log: {error.why}",
             value=f"{size} bytes",
             action=error.action or "use `smad log import` for logs of other programs"
             if size
@@ -184,7 +184,7 @@ def _read(path: Path, axis: str, progress: Share) -> Run:
         ) from None
     if not builder.has_rows_channel:
         raise RunLogError(
-            f"{path} is no run log: it has no channel {ROW_TOPIC}",
+            f"{path} is not a run log: it has no channel {ROW_TOPIC}",
             value=f"{size} bytes",
             action="it was cut before the first sample, so nothing can be recovered; or another "
             "program wrote it",

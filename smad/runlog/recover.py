@@ -99,7 +99,7 @@ def _create(target: Path) -> FileIO:
 def _explain(path: Path, target: Path, error: BaseException) -> None:
     if isinstance(error, NotMcapError):
         raise RunLogError(
-            f"{path} is no run log: {error.why}",
+            f"{path} is not a run log: {error.why}",
             action=error.action or "nothing can be recovered from it",
         ) from None
     if isinstance(error, OSError):

@@ -65,7 +65,7 @@ def bind(
     """
     if not isinstance(declared, Simulator):
         raise SimulatorError(
-            "this is no declared simulator",
+            "this is not a declared simulator",
             value=type(declared).__name__,
             action="give the runs first, then simulator(f, parameters=…)",
         )

@@ -152,7 +152,7 @@ def simulator(
     name = name or title.strip("<>")
     causes = tuple(_effect(n, row, name) for n, row in (effects or {}).items())
     if shortest_s is not None and not 0.0 < shortest_s < math.inf:
-        raise SimulatorError("shortest_s is no length", value=shortest_s, action="give s")
+        raise SimulatorError("shortest_s is not a length", value=shortest_s, action="give s")
     return Simulator(
         function=function,
         name=name,

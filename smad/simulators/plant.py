@@ -94,7 +94,7 @@ class SimulatedPlant:
         Raises SimulatorError for what is no count.
         """
         if count < 1:
-            raise SimulatorError("processes is no count", value=count, action="give 1 or more")
+            raise SimulatorError("processes is not a count", value=count, action="give 1 or more")
         with contextlib.ExitStack() as stack:
             if count > 1:
                 if self.declared.pause is not None:
@@ -168,7 +168,7 @@ class SimulatedPlant:
             why = ""
             if away:
                 k = int(np.argmin(bounded[away[0]]))
-                why = f"{away[0]} runs away, or is no number, from {whole.t_s[k]:.6g} s on"
+                why = f"{away[0]} runs away, or is not a number, from {whole.t_s[k]:.6g} s on"
         except LostProcessError:
             raise
         except Exception as error:  # whatever somebody else's function does at some point

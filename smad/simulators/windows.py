@@ -88,7 +88,7 @@ def _usable(plant: SimulatedPlant, run: GapRun) -> GapRun:
 
 def _validated(plant: SimulatedPlant, runs: Sequence[GapRun], window_s: float) -> tuple[float, str]:
     if not window_s >= 0.0:
-        raise SimulatorError("window_s is no length", value=window_s, action="give s, or 0")
+        raise SimulatorError("window_s is not a length", value=window_s, action="give s, or 0")
     if window_s == 0.0:
         return 0.0, ""
     least = _LEAST_ROWS * row_length_s(runs, plant)

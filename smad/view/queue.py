@@ -26,7 +26,7 @@ class Add(Struct, tag_field="verb", tag="add", frozen=True, kw_only=True):
         what = self.what.strip()
         if what.startswith("-"):
             action = "give options on the command line"
-            raise QueueError("this is no name", value=what, action=action)
+            raise QueueError("this is not a name", value=what, action=action)
         words = {
             "run": [what],
             "tune": [what] if what else [],

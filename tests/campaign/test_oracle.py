@@ -76,7 +76,7 @@ DOCTORED = [
     ("rearm", replace(STOPPED, gate_open_later=True), "gate"),
     ("rearm", replace(STOPPED, host_running_later=True), "host"),
     ("log", replace(STOPPED, log=LogFound(199, 200)), "199 samples of 200"),
-    ("log", replace(STOPPED, log=LogFound(0, 200, "is no run log")), "cannot be read"),
+    ("log", replace(STOPPED, log=LogFound(0, 200, "is not a run log")), "cannot be read"),
     ("ending", replace(STOPPED, ending=replace(ENDED, status=70)), "status 70, not 0"),
     ("ending", replace(STOPPED, ending=replace(ENDED, line="smad: bye")), "'smad: bye'"),
     ("refusal", replace(STOPPED, not_refused="a stranger armed"), "a stranger armed"),

@@ -98,7 +98,7 @@ async def _command(rig: Rig, command: msgspec.Struct) -> None:
     params = msgspec.to_builtins(command)
     params.pop("mode", None)
     for name in rig.lines:
-        reply = rig.begin(BY_PARAMS[type(command)].name, told={"axis": name}, **params)
+        reply = rig.begin(BY_PARAMS[type(command)].name, members={"axis": name}, **params)
         await rig.run_until(reply)
 
 

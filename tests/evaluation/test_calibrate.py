@@ -201,5 +201,5 @@ def test_a_file_without_its_key_and_a_sealed_key_are_refused(tmp_path: Path) -> 
         cases_of(verdicts, [])
     with pytest.raises(BankError, match="sealed"):
         cases_of(verdicts, [key])
-    with pytest.raises(BankError, match=r"no file of `recover` or `check`"):
+    with pytest.raises(BankError, match=r"is not by `recover` or `check`"):
         cases_of(key.parent / "none.json", [])

@@ -11,7 +11,7 @@ import pytest
 from evaluation.command import main
 from evaluation.errors import KeyMismatchError
 from evaluation.results.page import markdown_table, rendered
-from evaluation.results.record import FOLDER, kept
+from evaluation.results.record import FOLDER, all_results
 from evaluation.score.answers import digest, read_pairs
 from evaluation.score.goals import Row
 from evaluation.score.intervals import wilson
@@ -293,8 +293,8 @@ def test_an_opening_is_a_line_of_the_page(tmp_path: Path) -> None:
 
 
 def test_the_page_shows_every_score_and_goal_of_the_sealed_banks() -> None:
-    page = rendered(kept())
-    for result in (r for r in kept() if "sealed" in r.title):
+    page = rendered(all_results())
+    for result in (r for r in all_results() if "sealed" in r.title):
         _, first = next(iter(result.tables.items()))
         assert all(f"| {' | '.join(row)} |" in page for row in first.rows)
 
@@ -305,7 +305,7 @@ def test_scores_are_kept_as_a_result(tmp_path: Path) -> None:
     )
     (tmp_path / "KEY.json").unlink()
     (tmp_path / "answers.json").unlink()
-    (result,) = kept(tmp_path)
+    (result,) = all_results(tmp_path)
     assert result.title == "T"
     assert next(iter(result.tables)) == "Scores, check-up"
 

@@ -247,7 +247,7 @@ def test_a_fault_is_described_in_one_word(
     [
         ("leak", "gives no time"),
         ("leek@1", "no fault is named 'leek'"),
-        ("leak@soon", "no number"),
+        ("leak@soon", "not a number"),
         ("leak@1:channel=0", "no parameter channel"),
         ("sensor_open@1:channel=4", "channel 4 does not exist"),
         ("driver_open@1:channel=2", "channel 2 does not exist"),
@@ -255,7 +255,7 @@ def test_a_fault_is_described_in_one_word(
         ("leak@-1", "must be 0 or later"),
         ("leak@1:lasts=0", "longer than 0"),
         ("leak@inf", "finite"),
-        ("hang@1:seconds", "no number"),
+        ("hang@1:seconds", "not a number"),
     ],
 )
 def test_a_fault_described_wrongly_is_refused_with_the_reason(text: str, says: str) -> None:

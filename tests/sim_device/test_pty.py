@@ -387,7 +387,7 @@ def test_a_socket_whose_other_end_went_away_is_quiet() -> None:
 def test_a_descriptor_that_is_no_socket_is_refused() -> None:
     with open(os.devnull) as file:
         number = os.dup(file.fileno())
-    with pytest.raises(PortError, match=f"descriptor {number} is no open socket"):
+    with pytest.raises(PortError, match=f"descriptor {number} is not an open socket"):
         socket_from_descriptor(number)
     os.close(number)
 
@@ -424,7 +424,7 @@ def test_a_tty_that_comes_back_may_have_another_name_and_the_symlink_follows(
 def test_a_symlink_over_a_file_or_into_nowhere_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "notes.txt"
     file.write_text("keep me")
-    with pytest.raises(PortError, match="is no symlink"):
+    with pytest.raises(PortError, match="is not a symlink"):
         PtyPort(file)
     assert file.read_text() == "keep me"
     with pytest.raises(PortError, match="cannot make the symlink"):

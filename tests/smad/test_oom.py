@@ -1,4 +1,4 @@
-"""Who is ended first when memory runs out."""
+"""Which process the OOM killer prefers when memory runs out."""
 
 import os
 import subprocess

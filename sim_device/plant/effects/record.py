@@ -144,5 +144,5 @@ Y_SHARE = shape(
     "1",
     (0, 1, 2),
     about(1, 0.3),
-    "side Y has so many times the strengths, X 2 minus that",
+    "factor of the strengths on side Y; that on side X is 2 minus it",
 )

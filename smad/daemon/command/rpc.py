@@ -170,7 +170,7 @@ class Decoder:
         try:
             call_id = _ID.decode(members.get("id", b"null"))
         except msgspec.ValidationError:
-            return error_reply(None, _no_request("`id` is no whole number, text or null"))
+            return error_reply(None, _no_request("`id` is not a whole number, text or null"))
         if twice:
             return error_reply(None if "id" in twice else call_id, _given_twice(twice))
         name = _text(members.get("method"))
@@ -220,7 +220,7 @@ def _misshapen(members: dict[str, msgspec.Raw], method: str) -> str:
     if _text(members.get("jsonrpc", msgspec.Raw(b'"2.0"'))) != "2.0":
         return '`jsonrpc` is not "2.0"'
     if bytes(members.get("params", b"{"))[:1] not in (b"{", b"["):
-        return "`params` is no object"
+        return "`params` is not an object"
     for beside, kinds, fault in _BESIDE:
         if not isinstance(_plain_value(members.get(beside, msgspec.Raw(b"null"))), kinds):
             return f"`{beside}` is {fault}"

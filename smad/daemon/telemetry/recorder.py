@@ -156,7 +156,6 @@ class Recorder:
 def _is_open(path: str) -> Refusal:
     return Refusal(
         Reason.RECORDER,
-        "a run is being recorded already",
-        value=path,
+        f"a run is being recorded already, to {path}",
         action="stop it first (smad record stop)",
     )

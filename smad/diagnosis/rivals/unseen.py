@@ -6,9 +6,11 @@ marginalised. It is detected once that costs a model without it as much score as
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
-from smad.diagnosis.plant import Array
+from smad.diagnosis.plant import Array, EffectParameter
 from smad.diagnosis.rivals.evidence import without_drifts
 from smad.diagnosis.rivals.fit import reference_of
 from smad.diagnosis.rivals.score import log_scores
@@ -32,16 +34,27 @@ def unseen_strengths(search: Search) -> list[str]:
     needed = question.constants.nothing - question.constants.each_effect(len(question.effects))
     of_score = 2.0 * needed / (question.independent_rows * runs)
     absent = [(c, q) for c in search.changes if c.effect.name not in present and (q := c.typical)]
-    rows: list[tuple[float, str]] = []
     added_by = marginal_variances(e, reference)
-    for change, q in absent:
-        added = added_by(change.rows.astype(np.float64))
-        size = _strength(v, added, of_score, e.least_square)
+    sizes = [
+        _strength(v, added_by(change.rows.astype(np.float64)), of_score, e.least_square)
+        for change, _ in absent
+    ]
+    return limits_in_words((c.effect.name, q, s) for (c, q), s in zip(absent, sizes, strict=True))
+
+
+def limits_in_words(limits: Iterable[tuple[str, EffectParameter, float]]) -> list[str]:
+    """Effect, strength and its limit in typical strengths as words, the largest limit first.
+
+    A change that was replayed twice (a shape may be typical at an end of its range) counts once.
+    """
+    sizes: dict[str, float] = {}
+    for name, q, size in limits:
         strength = size * abs(q.typical)
-        below = f"less than {strength:.2g} {in_words(q.unit)}".rstrip()
+        # 210, not 2.1e+02.
+        below = f"less than {float(f'{strength:.2g}'):g} {in_words(q.unit)}".rstrip()
         words = below if strength < q.high else "any strength"
-        rows.append((strength / abs(q.typical), f"{change.effect.name}, {q.name}: {words}"))
-    return [text for _, text in sorted(rows, reverse=True)]
+        sizes[f"{name}, {q.name}: {words}"] = size
+    return sorted(sizes, key=lambda text: (sizes[text], text), reverse=True)
 
 
 def _strength(v: Array, added: Array, needed: float, least_square: float) -> float:

@@ -37,7 +37,7 @@ def load(path: Path) -> Any:
         spec.compile()
     except (ValueError, OSError) as error:
         raise SimulatorError(
-            f"{path} is no MuJoCo model", value=str(error), action="open it in MuJoCo's viewer"
+            f"{path} is not a MuJoCo model", value=str(error), action="open it in MuJoCo's viewer"
         ) from error
     return spec
 
@@ -90,7 +90,7 @@ class MujocoModel:
     def _field(self, name: str, row: ParameterRow) -> tuple[Field, int]:
         if row.field not in FIELDS:
             raise SimulatorError(
-                f"parameters.{name}.field is none that can be refitted",
+                f"parameters.{name}.field cannot be refitted",
                 value=row.field,
                 limit=", ".join(FIELDS),
                 action="correct the map",

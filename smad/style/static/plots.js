@@ -69,6 +69,7 @@ export function drawMarks(plot, marks, texts) {
   clipped(plot, (ctx, bbox) => {
     ctx.strokeStyle = ctx.fillStyle = css("--quiet");
     ctx.setLineDash([2 * devicePixelRatio, 3 * devicePixelRatio]);
+    [ctx.textAlign, ctx.textBaseline] = ["left", "alphabetic"];
     let free = -Infinity;
     for (const { x, text } of marks) {
       const at = plot.valToPos(x, "x", true);

@@ -142,7 +142,7 @@ def test_a_column_that_is_no_text_is_told_before_a_bad_cell_of_another(
 ) -> None:
     source = tmp_path / "run.csv"
     source.write_bytes(b"time_s,remark\n0,ok\nsoon,\x81")
-    with pytest.raises(LogImportError, match="is no text"):
+    with pytest.raises(LogImportError, match="is not text"):
         import_table(source, tmp_path / "run.mcap")
 
 

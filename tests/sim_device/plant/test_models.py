@@ -45,7 +45,7 @@ def test_a_base_beside_the_model_file_is_found(tmp_path):
     ("change", "error", "words"),
     [
         ({"format": "other"}, ModelError, "format 'other'"),
-        ({"format": None}, ModelError, "no model file: it has no format"),
+        ({"format": None}, ModelError, "not a model file: it has no format"),
         ({"variant": "real"}, ModelError, "variant 'real'"),
         ({"colour": 1}, ModelError, "unknown key 'colour'"),
         ({"overrides": {"colour": 1.0}}, ParameterError, "colour"),

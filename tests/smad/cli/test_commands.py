@@ -117,6 +117,12 @@ def test_every_command_of_the_table_exists_and_has_help() -> None:
         assert command.get_short_help_str(200), name
 
 
+def test_no_line_in_a_list_of_commands_is_cut(capfd: pytest.CaptureFixture[str]) -> None:
+    for name in ("", *COMMANDS):
+        assert execute([*name.split(), "--help"]) == 0
+        assert "..." not in capfd.readouterr().out.partition("Commands:")[2], name
+
+
 def test_a_letter_that_the_terminal_lacks_ends_no_command(monkeypatch: pytest.MonkeyPatch) -> None:
     printed = io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(printed, "latin-1"))
@@ -739,9 +745,13 @@ def test_logs_are_those_of_the_bench_whose_daemon_runs(
     recorder = msgspec.structs.replace(STATUS.recorder, folder=str(elsewhere))
     daemon.answers["status"] = msgspec.structs.replace(STATUS, recorder=recorder)
     assert execute(["log", "list"]) == 0
-    assert "elsewhere.mcap" in capfd.readouterr().out
+    said = capfd.readouterr()
+    assert "elsewhere.mcap" in said.out
+    assert said.err == f"in {elsewhere}:\n"
     assert execute(["log", "list", "--folder", "runs"]) == 0
-    assert "runs.mcap" in capfd.readouterr().out
+    said = capfd.readouterr()
+    assert "runs.mcap" in said.out
+    assert said.err == ""
 
 
 def test_without_a_daemon_logs_are_those_of_the_current_folder(

@@ -332,12 +332,12 @@ class Chunk:
     def _ask(
         self, method: str, client: str, axis: str | list[str] | None = None, **params: Any
     ) -> asyncio.Future[bytes]:
-        told: dict[str, Any] = {} if axis is None else {"axis": axis}
+        members: dict[str, Any] = {} if axis is None else {"axis": axis}
         if client == "ada" and self.lease:
-            told |= self.lease
+            members |= self.lease
             self._heard()
         self.log.append(f"{self.rig.now_us()}: {client} asks {method} {axis or ''}")
-        reply = self.rig.begin(method, client.encode(), told=told, **params)
+        reply = self.rig.begin(method, client.encode(), members=members, **params)
         self.waiting.append(reply)
         return reply
 

@@ -84,7 +84,7 @@ async def test_lost_answers_to_the_confirmation_leave_no_axis_armed(
     async with tapped_axes(tmp_path, own=own) as (rig, taps):
         taps["yaw-1"].to_host = answers_to(wire.ArmConfirm)
         with pytest.raises(Refused) as refused:
-            await rig.ask("arm", told={"axis": list(names)})
+            await rig.ask("arm", members={"axis": list(names)})
         assert refused.value.reason == "no_reply"
         await stayed_off(rig, rig.now_us())
 
@@ -110,7 +110,7 @@ async def test_the_lease_of_a_refused_arming_lives_until_its_axes_are_off(tmp_pa
     async with tapped_axes(tmp_path) as (rig, taps):
         lease = (await rig.ask("control.take", name="Ada", lease_s=30.0))["lease"]
         taps["yaw-1"].to_host = answers_to(wire.ArmConfirm)
-        arming = rig.begin("arm", told={"lease": lease})
+        arming = rig.begin("arm", members={"lease": lease})
         while not arming.done():
             await rig.run(1)
             if hot(rig):
@@ -121,8 +121,8 @@ async def test_the_lease_of_a_refused_arming_lives_until_its_axes_are_off(tmp_pa
 async def test_the_dead_man_watches_each_axis_for_the_client_that_armed_it(tmp_path: Path) -> None:
     daemon = DaemonConfig(ipc_dir=str(tmp_path), dead_man_lease_s=1.0)
     async with tapped_axes(tmp_path, daemon=daemon) as (rig, _):
-        await rig.ask("arm", b"ada", told={"axis": "yaw-1"})
-        await rig.ask("arm", b"bob", told={"axis": "pitch-1"})
+        await rig.ask("arm", b"ada", members={"axis": "yaw-1"})
+        await rig.ask("arm", b"bob", members={"axis": "pitch-1"})
         for _ in range(5):
             await silent_for(rig, 0.3)
             await rig.ask("motion", b"bob")
@@ -131,8 +131,8 @@ async def test_the_dead_man_watches_each_axis_for_the_client_that_armed_it(tmp_p
 
 async def test_control_of_a_bench_is_not_taken_over_by_arming_another_axis(tmp_path: Path) -> None:
     async with tapped_axes(tmp_path) as (rig, _):
-        await rig.ask("arm", b"ada", told={"axis": "yaw-1"})
-        await rig.ask("arm", b"bob", told={"axis": "pitch-1"})
+        await rig.ask("arm", b"ada", members={"axis": "yaw-1"})
+        await rig.ask("arm", b"bob", members={"axis": "pitch-1"})
         for client in (b"ada", b"bob", b"eve"):
             with pytest.raises(Refused, match="armed by another client"):
                 await rig.ask("control.take", client, name="X")
@@ -143,13 +143,13 @@ async def test_a_stop_that_is_open_on_one_axis_refuses_arming_on_every_axis(
     tmp_path: Path, own: Sequence[str]
 ) -> None:
     async with tapped_axes(tmp_path, own=own) as (rig, taps):
-        await rig.ask("arm", told={"axis": "yaw-1"})
+        await rig.ask("arm", members={"axis": "yaw-1"})
         taps["yaw-1"].to_board = of(wire.Disarm)
         stopping = rig.begin("disarm", b"other")
         while not stopping.done():
             for name in ("pitch-1", "pitch-2"):
                 with pytest.raises(Refused, match="being stopped"):
-                    result_of(rig.begin("arm", told={"axis": name}).result())
+                    result_of(rig.begin("arm", members={"axis": name}).result())
             await rig.run(1)
         assert hot(rig) == []
         await stayed_off(rig, rig.now_us())
@@ -167,7 +167,7 @@ async def test_a_generation_of_an_earlier_daemon_arms_nothing(tmp_path: Path) ->
         await rig.run_until(all_safe(rig))
         for method, params in (("arm", {}), ("together", {"moves": {"yaw-1": [STEP]}})):
             with pytest.raises(Refused, match="stopped after this command was issued") as refused:
-                await rig.ask(method, told=before, **params)
+                await rig.ask(method, members=before, **params)
             assert refused.value.reason == "stopped"
         assert hot(rig) == []
         assert (await rig.ask("motion"))["generation"] < 2**53, "a page reads it exactly"

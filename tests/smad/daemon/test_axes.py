@@ -46,8 +46,8 @@ async def silent_for(rig: Rig, seconds: float) -> None:
         await asyncio.sleep(0.025)
 
 
-async def move_all(rig: Rig, **told: Any) -> Any:
-    return await rig.ask("together", moves={name: [STEP] for name in rig.lines}, **told)
+async def move_all(rig: Rig, **asked: Any) -> Any:
+    return await rig.ask("together", moves={name: [STEP] for name in rig.lines}, **asked)
 
 
 @pytest.mark.parametrize("method", ["disarm", "estop"])
@@ -60,7 +60,7 @@ async def test_a_clients_stop_is_for_all_axes_whichever_it_names(
         await move_all(rig)
         await rig.run_for(0.5)
         assert hot(rig) == list(NAMES)
-        motion = await rig.ask(method, client=b"other", told={"axis": axis})
+        motion = await rig.ask(method, client=b"other", members={"axis": axis})
         assert hot(rig) == []
         assert not motion["armed"]
         assert all(not one["armed"] for one in motion["axes"].values())
@@ -93,7 +93,7 @@ async def test_after_a_stop_nothing_arms_but_a_person(tmp_path: Path) -> None:
         await rig.run_until(all_safe(rig))
         for axis in (None, "pitch-1", ["yaw-1", "pitch-2"]):
             with pytest.raises(Refused, match=r"issued \(disarm of a client\)") as refused:
-                await rig.ask("arm", told={**before, "axis": axis})
+                await rig.ask("arm", members={**before, "axis": axis})
             assert refused.value.reason == "stopped"
         await rig.run_for(1.0)
         assert hot(rig) == []
@@ -114,9 +114,9 @@ async def test_until_every_board_confirms_a_stop_no_axis_is_moved(
                 await rig.ask("disarm")
             assert refused.value.reason == "no_reply"
             assert hot(rig) == ["pitch-2"]
-            for told in ({}, {"axis": ["pitch-1", "pitch-2"]}):
+            for members in ({}, {"axis": ["pitch-1", "pitch-2"]}):
                 with pytest.raises(Refused, match="being stopped"):
-                    await rig.ask("arm", told=told)
+                    await rig.ask("arm", members=members)
             with pytest.raises(Refused, match="being stopped"):
                 await move_all(rig)
         await rig.run_for(3.0)
@@ -143,17 +143,17 @@ async def test_what_fails_on_an_axis_of_its_own_leaves_the_others_and_their_leas
     async with axes_in(tmp_path, boards, own=["yaw-1"]) as rig:
         await rig.run_for(2.5)
         lease = (await rig.ask("control.take", name="Ada", lease_s=3.0))["lease"]
-        began = await rig.ask("arm", told={"lease": lease})
-        told = {"lease": lease, "generation": began["generation"]}
-        await move_all(rig, told=told)
+        began = await rig.ask("arm", members={"lease": lease})
+        members = {"lease": lease, "generation": began["generation"]}
+        await move_all(rig, members=members)
         await rig.run_for(1.6)
         assert hot(rig) == ["pitch-1", "pitch-2"]
-        await rig.ask("move", told={**told, "axis": "pitch-1"}, trajectories=[STEP])
+        await rig.ask("move", members={**members, "axis": "pitch-1"}, trajectories=[STEP])
         with pytest.raises(Refused, match="stopped after this command was issued") as refused:
-            await move_all(rig, told=told)
+            await move_all(rig, members=members)
         assert refused.value.reason == "stopped"
         with pytest.raises(Refused, match="stopped after"):
-            await rig.ask("arm", told={**told, "axis": "yaw-1"})
+            await rig.ask("arm", members={**members, "axis": "yaw-1"})
         await silent_for(rig, 3.5)
         assert hot(rig) == [], "whoever armed fell silent, and none is heated without it"
 
@@ -163,8 +163,8 @@ async def test_an_arming_that_an_axis_of_its_own_ends_waits_for_no_axis_that_sta
 ) -> None:
     async with axes_in(tmp_path, lines(("a", "b", "c")), own=["a"]) as rig:
         await rig.connected()
-        await rig.ask("arm", told={"axis": ["c"]})
-        arming = rig.begin("arm", told={"axis": ["b"]})
+        await rig.ask("arm", members={"axis": ["c"]})
+        arming = rig.begin("arm", members={"axis": ["b"]})
         while rig.daemon.axes["b"].stop.phase is not Phase.CONFIRMED:
             await rig.sample()
         board = rig.lines["a"].bench.board
@@ -182,9 +182,9 @@ async def test_an_arming_that_an_axis_of_its_own_ends_waits_for_no_axis_that_sta
 async def test_a_limit_of_the_host_on_one_axis_stops_all(tmp_path: Path) -> None:
     async with axes_in(tmp_path, limits=LimitsConfig(on_time_max_s=3.0)) as rig:
         await rig.connected()
-        await rig.ask("arm", told={"axis": "pitch-2"})
+        await rig.ask("arm", members={"axis": "pitch-2"})
         await rig.run_for(1.0)
-        await rig.ask("arm", told={"axis": ["pitch-1", "yaw-1"]})
+        await rig.ask("arm", members={"axis": ["pitch-1", "yaw-1"]})
         await rig.run_for(2.2)
         assert hot(rig) == []
         motion = await rig.ask("motion")
@@ -200,11 +200,11 @@ async def test_a_lapsed_lease_and_a_lost_client_stop_all(tmp_path: Path) -> None
     async with axes_in(tmp_path, daemon=daemon) as rig:
         await rig.connected()
         lease = (await rig.ask("control.take", name="Ada", lease_s=0.5))["lease"]
-        await rig.ask("arm", told={"lease": lease})
+        await rig.ask("arm", members={"lease": lease})
         await silent_for(rig, 0.7)
         assert hot(rig) == []
         await rig.run_until(all_safe(rig))
-        await rig.ask("arm", told={"axis": "yaw-1"})
+        await rig.ask("arm", members={"axis": "yaw-1"})
         await silent_for(rig, 1.2)
         assert hot(rig) == []
 
@@ -247,13 +247,13 @@ async def test_named_axes_are_armed_alone_and_the_others_are_refused_a_motion(
 ) -> None:
     async with axes_in(tmp_path) as rig:
         await rig.connected()
-        motion = await rig.ask("arm", told={"axis": ["pitch-1", "pitch-2"]})
+        motion = await rig.ask("arm", members={"axis": ["pitch-1", "pitch-2"]})
         assert list(motion["axes"]) == hot(rig) == ["pitch-1", "pitch-2"]
         with pytest.raises(Refused, match="yaw-1: the bench is not armed"):
             await move_all(rig)
         assert (await rig.ask("motion"))["running"] == "idle", "nothing of the group began"
         with pytest.raises(Refused, match="there is no axis of this name; got roll"):
-            await rig.ask("move", told={"axis": "roll"}, trajectories=[STEP])
+            await rig.ask("move", members={"axis": "roll"}, trajectories=[STEP])
         with pytest.raises(Refused, match="this command is for one axis"):
             await rig.ask("move", trajectories=[STEP])
 
@@ -327,7 +327,7 @@ async def test_a_queued_group_waits_for_its_slowest_and_a_stop_forgets_it(tmp_pa
         both = {"pitch-1": [SHORT], "yaw-1": [SHORT]}
         await rig.ask("together", moves=both, queue=True)
         await rig.run_for(3.0)
-        motion = await rig.ask("motion", told={"axis": "pitch-1"})
+        motion = await rig.ask("motion", members={"axis": "pitch-1"})
         assert not motion["done"], "it waits for the other"
         assert rig.daemon.groups.skew.percentiles().count == 1
         await rig.run_for(2.5)
@@ -408,7 +408,7 @@ async def test_a_missing_board_is_left_out_only_where_that_is_asked_for(tmp_path
         await rig.run_for(2.5)
         with pytest.raises(Refused, match="yaw-1: the board is not connected"):
             await rig.ask("arm")
-        await rig.ask("arm", told={"axis": ["pitch-1", "pitch-2"]})
+        await rig.ask("arm", members={"axis": ["pitch-1", "pitch-2"]})
         assert not (await rig.ask("disarm"))["armed"]
         assert hot(rig) == []
 
@@ -420,7 +420,7 @@ async def test_a_slow_or_silent_board_keeps_no_other_waiting(tmp_path: Path) -> 
     )
     async with axes_in(tmp_path, boards, own=NAMES) as rig:
         await rig.run_for(2.5)
-        await rig.ask("arm", told={"axis": ["pitch-1", "pitch-2"]})
+        await rig.ask("arm", members={"axis": ["pitch-1", "pitch-2"]})
         await rig.run_for(2.0)
         for name in ("pitch-1", "pitch-2"):
             axis = rig.daemon.axes[name]
@@ -433,11 +433,15 @@ async def test_status_and_parameters_are_told_by_axis(tmp_path: Path) -> None:
         await rig.connected()
         status = await rig.ask("status")
         assert list(status["axes"]) == list(NAMES)
-        own = await rig.ask("status", told={"axis": "yaw-1"})
+        own = await rig.ask("status", members={"axis": "yaw-1"})
         assert "axes" not in own
         assert own["board"]["uid"] == status["axes"]["yaw-1"]["board"]["uid"]
-        await rig.ask("params.set", told={"axis": "yaw-1"}, name="encoder_offset_counts", value=100)
-        read = await rig.ask("params.get", told={"axis": "pitch-1"}, name="encoder_offset_counts")
+        await rig.ask(
+            "params.set", members={"axis": "yaw-1"}, name="encoder_offset_counts", value=100
+        )
+        read = await rig.ask(
+            "params.get", members={"axis": "pitch-1"}, name="encoder_offset_counts"
+        )
         assert read["value"] == 0
         with pytest.raises(Refused, match="this command is for one axis"):
             await rig.ask("params.set", name="encoder_offset_counts", value=1)
@@ -459,5 +463,5 @@ async def test_the_reply_to_a_bench_of_one_axis_names_no_axes(tmp_path: Path) ->
         assert "axes" not in await rig.ask("motion")
         assert not {"axes", "skew"} & (await rig.ask("status")).keys()
         with pytest.raises(Refused, match="none: a bench of one axis"):
-            await rig.ask("motion", told={"axis": "pitch-1"})
+            await rig.ask("motion", members={"axis": "pitch-1"})
         assert result_of(await rig.run_until(rig.begin("arm")))["armed"]

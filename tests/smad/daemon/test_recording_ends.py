@@ -17,9 +17,9 @@ async def test_the_named_run_log_of_a_program_that_was_killed_ends(tmp_path: Pat
         # As the client library does: the lease comes with the arming, after the recording began.
         await rig.ask("record.start", b"ada", name="first")
         lease = (await rig.ask("control.take", b"ada", name="Ada", lease_s=0.5))["lease"]
-        await rig.ask("arm", b"ada", told={"lease": lease})
-        with pytest.raises(Refused, match="being recorded already"):
-            await rig.ask("record.start", b"ada", told={"lease": lease}, name="second")
+        await rig.ask("arm", b"ada", members={"lease": lease})
+        with pytest.raises(Refused, match=r"being recorded already, to .*\.mcap; stop it first"):
+            await rig.ask("record.start", b"ada", members={"lease": lease}, name="second")
         await silent_for(rig, 0.7)
         assert not (await rig.ask("motion"))["armed"]
         assert "second" in (await rig.ask("record.start", b"bob", name="second"))["path"]
@@ -31,5 +31,5 @@ async def test_a_run_log_that_somebody_else_began_outlives_a_lapsed_lease(tmp_pa
         await rig.ask("record.start", b"bob", name="first")
         await rig.ask("control.take", b"ada", name="Ada", lease_s=0.5)
         await silent_for(rig, 0.7)
-        with pytest.raises(Refused, match="being recorded already"):
+        with pytest.raises(Refused, match=r"being recorded already, to .*\.mcap; stop it first"):
             await rig.ask("record.start", b"ada", name="second")

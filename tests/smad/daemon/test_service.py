@@ -325,8 +325,8 @@ async def test_only_the_holder_commands_while_anyone_may_watch_and_stop(tmp_path
         assert refused.value.reason == "not_in_control"
         control = (await rig.ask("status", client=b"bob"))["control"]
         assert (control["holder"], control["yours"], control["lease"]) == ("Ada", False, "")
-        assert (await rig.ask("status", told=ada))["control"]["yours"]
-        await rig.ask("idle", told=ada)
+        assert (await rig.ask("status", members=ada))["control"]["yours"]
+        await rig.ask("idle", members=ada)
         await rig.ask("disarm", client=b"bob")
 
 
@@ -341,11 +341,11 @@ async def test_who_has_control_and_vanishes_leaves_a_disarmed_bench(tmp_path: Pa
     async with rig_in(tmp_path) as rig:
         await rig.arm()
         ada = {"lease": (await rig.ask("control.take", name="Ada", lease_s=2.0))["lease"]}
-        await rig.ask("move", told=ada, trajectories=[STEP])
+        await rig.ask("move", members=ada, trajectories=[STEP])
         for _ in range(3):
             await rig.run_for(1.5)
             # Looking is enough to be heard.
-            assert (await rig.ask("motion", told=ada))["armed"]
+            assert (await rig.ask("motion", members=ada))["armed"]
         assert (await rig.ask("status", client=b"bob"))["control"]["holder"] == "Ada"
         await rig.run_for(2.2)
         await rig.run_until(not_armed(rig))
@@ -367,7 +367,7 @@ async def test_giving_control_back_leaves_the_bench_as_it_is(tmp_path: Path) -> 
     async with rig_in(tmp_path) as rig:
         await rig.arm()
         ada = {"lease": (await rig.ask("control.take", name="Ada", lease_s=1.0))["lease"]}
-        await rig.ask("control.release", told=ada)
+        await rig.ask("control.release", members=ada)
         await rig.run_for(3.0)
         assert (await rig.ask("motion"))["armed"]
 

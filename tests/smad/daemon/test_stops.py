@@ -130,7 +130,7 @@ async def test_what_was_asked_before_a_stop_is_refused_after_somebody_armed_agai
     async with rig_in(tmp_path) as rig:
         await rig.connected()
         before = {"generation": (await rig.ask("arm"))["generation"]}
-        await rig.ask("move", told=before, trajectories=[STEP])
+        await rig.ask("move", members=before, trajectories=[STEP])
         await rig.ask("disarm", client=b"other")
         await rig.run_until(_safe(rig))
         after = {"generation": (await rig.ask("arm", client=b"other"))["generation"]}
@@ -141,9 +141,9 @@ async def test_what_was_asked_before_a_stop_is_refused_after_somebody_armed_agai
             ("tune", {"kp_A_per_mm": 3.0}),
         ):
             with pytest.raises(Refused, match=r"issued \(disarm of a client\)"):
-                await rig.ask(method, told=before, **params)
+                await rig.ask(method, members=before, **params)
         assert (await rig.ask("motion"))["running"] == "idle"
-        await rig.ask("move", client=b"other", told=after, trajectories=[STEP])
+        await rig.ask("move", client=b"other", members=after, trajectories=[STEP])
 
 
 async def _time(rig: Rig, until_s: float) -> None:
@@ -264,7 +264,7 @@ async def test_a_limit_of_the_host_that_latches_ends_what_was_asked_before(tmp_p
         await rig.run_until(_safe(rig))
         await rig.ask("arm", client=b"other")
         with pytest.raises(Refused, match="ARMED_TOO_LONG"):
-            await rig.ask("current", told={"generation": armed["generation"]}, i_x_A=1.0)
+            await rig.ask("current", members={"generation": armed["generation"]}, i_x_A=1.0)
 
 
 async def test_a_lost_link_and_a_board_that_restarts_end_what_was_asked_before(
@@ -335,7 +335,7 @@ async def test_a_fault_of_the_board_ends_what_was_asked_before(tmp_path: Path) -
     async with rig_in(tmp_path, SimulatedBench(seed=1, faults=[deaf])) as rig:
         await rig.run_for(2.0)
         before = {"generation": (await rig.ask("arm"))["generation"]}
-        await rig.ask("current", told=before, i_x_A=0.1)
+        await rig.ask("current", members=before, i_x_A=0.1)
         await rig.run_until(_time(rig, 6.0))
         motion = await rig.ask("motion")
         assert (motion["mode"], motion["running"]) == ("FAULT", "idle")
@@ -343,14 +343,14 @@ async def test_a_fault_of_the_board_ends_what_was_asked_before(tmp_path: Path) -
         await rig.run_until(_safe(rig))
         await rig.ask("arm", client=b"other")
         with pytest.raises(Refused, match="went into FAULT"):
-            await rig.ask("current", told=before, i_x_A=0.1)
+            await rig.ask("current", members=before, i_x_A=0.1)
 
 
 async def test_a_stop_is_not_refused_because_of_what_it_does_not_need(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.arm()
         for odd in (None, 5, [], {"a": 1}, "wrong"):
-            assert not (await rig.ask("disarm", told={"lease": odd, "generation": odd}))["armed"]
+            assert not (await rig.ask("disarm", members={"lease": odd, "generation": odd}))["armed"]
 
 
 class _Lapsed:
@@ -364,8 +364,8 @@ class _Lapsed:
         await rig.run_for(2.0)
         taken = await rig.ask("control.take", client=b"ada", name="Ada", lease_s=0.5)
         ada = {"lease": taken["lease"]}
-        await rig.ask("arm", client=b"ada", told=ada)
-        await rig.ask("current", client=b"ada", told=ada, i_x_A=1.0)
+        await rig.ask("arm", client=b"ada", members=ada)
+        await rig.ask("current", client=b"ada", members=ada, i_x_A=1.0)
         # Housekeeping looks at leases too; here nobody does but who asks.
         assert rig.daemon._housekeeping is not None
         rig.daemon._housekeeping.cancel()
@@ -395,7 +395,7 @@ async def test_a_lease_that_lapsed_is_not_its_holders_any_more(tmp_path: Path) -
         ada = await _Lapsed(rig).begin()
         await rig.run_for(0.1)
         with pytest.raises(Refused, match="your exclusive control has ended"):
-            await rig.ask("current", client=b"ada", told=ada, i_x_A=1.0)
+            await rig.ask("current", client=b"ada", members=ada, i_x_A=1.0)
         await rig.run(3)
         assert rig.bench.board.state not in HOT
 

@@ -247,4 +247,4 @@ def test_apply_writes_the_model_with_the_first_causes_and_verify_shows_what_they
     too_many = call("apply", str(folder / "v.json"), "--out", str(folder / "x"), "--first", "99")
     assert "fewer causes" in str(too_many.exception)
     no_verdict = call("apply", str(table), "--out", str(folder / "x"))
-    assert "is no verdict" in str(no_verdict.exception)
+    assert "is not a verdict" in str(no_verdict.exception)

@@ -28,5 +28,5 @@ def test_columns_that_are_arrays_stay_the_same_objects() -> None:
 
 @pytest.mark.parametrize("column", [["a", "b", "c"], 3.0, [[1.0], [2.0], [3.0]], None])
 def test_a_column_of_no_numbers_is_refused_by_its_name(column: Any) -> None:
-    with pytest.raises(GapError, match="run odd: column y is no sequence of numbers; got "):
+    with pytest.raises(GapError, match="run odd: column y is not a sequence of numbers; got "):
         GapRun("odd", np.arange(3.0), {}, {"y": column})

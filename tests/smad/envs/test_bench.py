@@ -173,14 +173,14 @@ async def test_while_a_policy_is_late_the_last_currents_stay_and_then_its_lease_
     async with rig_in(tmp_path) as rig:
         await rig.run_for(2.0)
         control = await rig.ask("control.take", name="policy", lease_s=2.0)
-        told = {"lease": control["lease"]}
-        await rig.ask("arm", told=told)
+        members = {"lease": control["lease"]}
+        await rig.ask("arm", members=members)
         command = answering.answer(Row(t_s=0.0, host_time_s=0.0))
         assert command is not None
-        await rig.ask("current", told=told, i_x_A=command.i_x_A, i_y_A=command.i_y_A)
+        await rig.ask("current", members=members, i_x_A=command.i_x_A, i_y_A=command.i_y_A)
         await rig.run_for(1.0)
         assert rig.bench.board.outputs.applied_mA[0] == 1000
         await rig.run_for(2.5)
         assert rig.bench.board.outputs.applied_mA[0] == 0
         with pytest.raises(Refused, match=r"arm|control|disarm"):
-            await rig.ask("current", told=told, i_x_A=1.0)
+            await rig.ask("current", members=members, i_x_A=1.0)

@@ -208,7 +208,7 @@ def test_what_it_cannot_be_made_with_is_refused_in_a_line(
 def test_a_model_file_of_another_plant_is_refused_in_a_line(tmp_path: Path) -> None:
     other = tmp_path / "tank.toml"
     other.write_text('format = "tank-model"\nlevel = 3.0\n')
-    with pytest.raises(EnvError, match=r"no model of the spring pair.*tank\.toml"):
+    with pytest.raises(EnvError, match=r"not a model of the spring pair.*tank\.toml"):
         smad.envs.SpringPairEnv(model=other)
 
 

@@ -128,7 +128,8 @@ def test_too_few_rows_make_no_trend() -> None:
     assert trend_of("a", X[: REFERENCE + 1], X[: REFERENCE + 1]) is None
     few = health_of([row(1, stroke_mm=1.0)], {})
     assert headline(few) == (
-        "1 row so far: a trend needs 12 of one name in one session, or 4 sessions"
+        "no trend yet, 1 row in health.jsonl: a trend needs 12 runs of one name in one session, "
+        "or 4 sessions"
     )
     assert "<table" not in render(page(few, "bench"))
 
@@ -191,7 +192,7 @@ def test_a_verdict_of_a_check_up_gives_parameters_floors_and_causes(tmp_path: Pa
     assert found.values["floor_rtd_x_K"] == Value(0.1)
     assert found.words == ("the film has changed", "film of X (0.80)")
     path.write_text("[]")
-    with pytest.raises(HealthError, match="no verdict"):
+    with pytest.raises(HealthError, match="not a verdict"):
         row_of_verdict(path)
 
 

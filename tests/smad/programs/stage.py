@@ -68,7 +68,7 @@ class Stage:
 
     async def _pass(self, samples: int) -> None:
         for lease in self.leases:
-            self.rig.begin("motion", b"renewal", told={"lease": lease})
+            self.rig.begin("motion", b"renewal", members={"lease": lease})
         await self.rig.run(samples)
 
     async def ask(self, data: bytes, *, stop: bool) -> bytes:
@@ -79,7 +79,7 @@ class Stage:
         if here and self.phase != "arming":
             await self._stop()
         for lease in self.leases:
-            self.rig.begin("motion", b"renewal", told={"lease": lease})
+            self.rig.begin("motion", b"renewal", members={"lease": lease})
         reply: asyncio.Future[bytes] = self.loop.create_future()
         dispatcher = self.rig.daemon.dispatcher
         (dispatcher.stop if stop else dispatcher.command)(b"program", data, reply.set_result)

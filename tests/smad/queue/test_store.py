@@ -94,7 +94,7 @@ def test_a_file_that_is_no_queue_is_refused(path: Path) -> None:
     path.unlink()
     with contextlib.closing(sqlite3.connect(path)) as database:
         database.execute("CREATE TABLE other (x)")
-    with pytest.raises(StoreError, match="no queue of smad"):
+    with pytest.raises(StoreError, match="not a queue of smad"):
         Store(path)
 
 

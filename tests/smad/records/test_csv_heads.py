@@ -59,7 +59,7 @@ def test_names_are_found_wherever_they_stand(text: str, tmp_path: Path) -> None:
 
 def test_a_title_that_was_passed_over_is_told(tmp_path: Path) -> None:
     found = read(tmp_path, "Measured by Ada\nt_s,temp_x_degC\n" + ROWS)
-    assert found.notes == ("line 1 is no line of names: Measured by Ada",)
+    assert found.notes == ("line 1 is not a line of names: Measured by Ada",)
 
 
 @pytest.mark.parametrize("row", ["s,mA,1,Counts", "s,mA,1,-"])

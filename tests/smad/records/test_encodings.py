@@ -57,7 +57,7 @@ def test_an_encoding_that_is_declared_is_taken_without_a_word(tmp_path: Path) ->
 def test_what_is_no_text_or_of_an_unknown_encoding_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(b"t_s,\x81\x8d\n0,1\n")
-    with pytest.raises(LogImportError, match=r'is no text: .*`encoding = "…"` under \[csv\]'):
+    with pytest.raises(LogImportError, match=r'is not text: .*`encoding = "…"` under \[csv\]'):
         read_channels(path)
     with pytest.raises(LogImportError, match="encoding is not known; got klingon; allowed: those"):
         read_channels(path, mapping=MappingFile(CsvFormat(encoding="klingon")))

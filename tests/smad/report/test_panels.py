@@ -26,6 +26,12 @@ from smad.style.decimation import Decimation
 from tests.smad.runlog.helpers import HEADER, rows, write_small_run
 
 MISSING = what_is_missing()
+_ALIGNMENTS = """window.alignments = {};
+const fillText = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) {
+  window.alignments[text] = this.textAlign;
+  return fillText.call(this, text, ...rest);
+};"""
 NASTY = "</script><script>document.title = 'mine'</script>"
 
 
@@ -141,6 +147,7 @@ def test_a_browser_draws_zooms_and_says_the_values(tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     page.write_text(render(page_of(run_parts([read_run(path) for path in two_runs(tmp_path)]))))
     with browser(tmp_path / "profile") as driver:
+        driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": _ALIGNMENTS})
 
         def pointed() -> str:
             return str(driver.find_element(By.CSS_SELECTOR, ".tools output").text)
@@ -158,4 +165,8 @@ def test_a_browser_draws_zooms_and_says_the_values(tmp_path: Path) -> None:
         drag.move_by_offset(100, 0).release().move_to_element(plot).perform()
         assert pointed().startswith("time (s): 1.0")
         assert driver.title == "Runs made, real"
+        page.write_text(render(page_of(run_parts([read_run(tmp_path / "made.mcap")]))))
+        driver.get(f"file://{page}")
+        # An event's text begins at its line; the axes before it were aligned otherwise.
+        assert driver.execute_script("return window.alignments['too hot']") == "left"
         assert driver.get_log("browser") == []

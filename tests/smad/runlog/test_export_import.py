@@ -241,8 +241,8 @@ def test_a_mapping_file_says_what_other_names_mean(tmp_path: Path) -> None:
         ("t_s,x_mm\n1,1\n1,1\n", ["line 3", "does not increase"]),
         ("t_s,x_mm\n1,1\n,1\n", ["line 3", "'t_s' holds no number"]),
         ("t_s,x_mm\n1,1\nInf,1\n", ["line 3", "'t_s' holds inf"]),
-        ("t_s,x_furlong\n1,2\n", ["'furlong' is no unit", "mm", "x_mm"]),
-        ("t_s,temp_x_Q\n1,2\n", ["'Q' is no unit", "degC"]),
+        ("t_s,x_furlong\n1,2\n", ["'furlong' is not a unit", "mm", "x_mm"]),
+        ("t_s,temp_x_Q\n1,2\n", ["'Q' is not a unit", "degC"]),
         ("t_s,force\n1,2\n", ["unit is missing", "force_N"]),
         ("t_s,x_mm\n1,2\n2,abc\n", ["line 3", "'x_mm'", "abc"]),
         ("# a\n\nt_s,x_mm\n1,2\n\n2,3.5.1\n", ["line 6", "3.5.1"]),
@@ -293,7 +293,7 @@ def test_files_that_are_not_there_are_refused(tmp_path: Path) -> None:
 
 def test_a_header_beside_the_csv_that_is_no_header_is_refused(tmp_path: Path) -> None:
     (tmp_path / "elsewhere.header.json").write_text('{"events": 3}')
-    assert "elsewhere.header.json is no header" in refusal(tmp_path, "t_s,x_mm\n1,2\n")
+    assert "elsewhere.header.json is not the header" in refusal(tmp_path, "t_s,x_mm\n1,2\n")
 
 
 def test_an_import_never_overwrites_a_log(tmp_path: Path) -> None:
@@ -337,7 +337,7 @@ def test_units_convert_there_and_back(unit: str) -> None:
 
 
 def test_a_unit_of_another_quantity_is_refused() -> None:
-    with pytest.raises(LogImportError, match="mm is no unit for a value in s"):
+    with pytest.raises(LogImportError, match="mm is not a unit for a value in s"):
         convert(np.array([1.0]), "mm", "s")
 
 

@@ -127,7 +127,7 @@ def test_statistics_are_those_of_the_frames(dataset: Path) -> None:
 def test_what_cannot_be_written_is_said(run: Run, dataset: Path, tmp_path: Path) -> None:
     with pytest.raises(RunLogError, match="is there already"):
         export_lerobot([run], dataset)
-    with pytest.raises(RunLogError, match="is no dataset"):
+    with pytest.raises(RunLogError, match="is not a dataset"):
         export_lerobot([run], tmp_path, overwrite=True)
     with pytest.raises(RunLogError, match="frames per second"):
         export_lerobot([run], tmp_path / "a", fps=100_000)

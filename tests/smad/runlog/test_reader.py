@@ -184,7 +184,7 @@ def test_a_board_that_restarted_is_noted(tmp_path: Path) -> None:
 def test_a_file_that_is_no_log_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "no.mcap"
     path.write_bytes(content)
-    with pytest.raises(RunLogError, match="is no run log") as caught:
+    with pytest.raises(RunLogError, match="is not a run log") as caught:
         read_run(path)
     assert len(str(caught.value).splitlines()) == 1
 

@@ -123,7 +123,7 @@ def test_a_folder_that_is_there_is_replaced_only_if_asked_and_only_a_bag(
     assert execute(ask) == 1
     assert "is there already; use --overwrite" in capfd.readouterr().err
     assert execute([*ask, "--overwrite"]) == 1
-    assert "is no bag, and is not replaced by one" in capfd.readouterr().err
+    assert "is not a bag, and is not replaced by one" in capfd.readouterr().err
     (out / "mine.txt").unlink()
     out.rmdir()
     assert execute(ask) == 0

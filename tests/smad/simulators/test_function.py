@@ -441,7 +441,7 @@ def test_a_run_is_as_long_as_the_simulator_says_it_must_be_or_as_what_is_measure
     assert bind(declared_pendulum(), short).plant.traits.shortest_s < 2.0
     quick = diagnose(short, declared_pendulum()).verdict
     assert not any(f.refuses for f in quick.findings)
-    with pytest.raises(SimulatorError, match="shortest_s is no length"):
+    with pytest.raises(SimulatorError, match="shortest_s is not a length"):
         declared_pendulum(shortest_s=0.0)
 
 
@@ -612,7 +612,7 @@ def test_windows_that_are_too_short_or_do_not_begin_from_readings_are_refused() 
         diagnose([pendulum_run(0)], declared_pendulum(), window_s=0.02)
     with pytest.raises(SimulatorError, match="does not begin from its readings"):
         diagnose(RUNS, declared_heater(), window_s=20.0)
-    with pytest.raises(SimulatorError, match="window_s is no length"):
+    with pytest.raises(SimulatorError, match="window_s is not a length"):
         diagnose(RUNS, declared_heater(), window_s=-1.0)
 
 
@@ -819,7 +819,7 @@ def test_what_is_no_simulator_or_no_column_is_named() -> None:
     with pytest.raises(SimulatorError, match=r"run 1: column 'power_W' holds no number"):
         diagnose({**RUNS[0], "power_W": np.full(600, np.nan)}, declared_heater())
     with pytest.raises(
-        SimulatorError, match=r"this is no declared simulator; got function; give the runs first"
+        SimulatorError, match=r"this is not a declared simulator; got function; give the runs first"
     ):
         diagnose(RUNS, heater)  # type: ignore[arg-type]
     with pytest.raises(SimulatorError, match=r"nor a table of columns; got NoneType"):
@@ -845,7 +845,7 @@ def test_processes_answer_as_one_does_for_a_function_made_inside_another() -> No
     one, two = (diagnose([run, RUNS[1], RUNS[2]], declared, processes=n).verdict for n in (1, 2))
     assert one.causes == two.causes
     assert one.whole == two.whole
-    with pytest.raises(SimulatorError, match="processes is no count"):
+    with pytest.raises(SimulatorError, match="processes is not a count"):
         diagnose(RUNS, declared, processes=0)
 
 

@@ -252,7 +252,7 @@ def test_degrees_and_sensors_are_converted_and_a_sensor_lags_nothing(tmp_path: P
         (MODEL, MAP.replace('joint = "hinge"', 'sensor = "pull"\nindex = 3'), "no such value"),
         (MODEL, MAP.replace('field = "mass"', 'feld = "mass"'), "feld"),
         (MODEL, "inputs = 3", "map file"),
-        ("<mujoco><worldbody><body/>", MAP, "is no MuJoCo model"),
+        ("<mujoco><worldbody><body/>", MAP, "is not a MuJoCo model"),
         (MODEL.replace('"hinge" axis="0 1 0" damping="0.05"', '"hinge" type="ball"'), MAP,
          "neither turns nor slides"),
     ],

@@ -53,7 +53,7 @@ def test_a_page_adds_places_removes_and_arms_in_two_steps(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("verb", "words"),
     [
-        ({"verb": "add", "kind": "run", "what": "--report=/etc/passwd"}, "no name"),
+        ({"verb": "add", "kind": "run", "what": "--report=/etc/passwd"}, "not a name"),
         ({"verb": "add", "kind": "run", "what": "nonsense"}, "no such experiment"),
         ({"verb": "add", "kind": "checkup", "what": "nowhere"}, "no baseline"),
         ({"verb": "remove", "item": 7}, "no such item"),
