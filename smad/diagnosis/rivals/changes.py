@@ -92,12 +92,14 @@ def _values(effect: Effect) -> list[dict[str, float]]:
     """
     rest = {q.name: 0.0 if q.strength else q.typical for q in effect.parameters}
     shapes = [q for q in effect.parameters if not q.strength]
-    out = [] if len(shapes) < len(effect.parameters) else [rest]
-    out += [{**rest, q.name: end} for q in (shapes if out else ()) for end in (q.low, q.high)]
+    ends = [(q.name, end) for q in shapes for end in (q.low, q.high) if end != q.typical]
+    out = []
+    if len(shapes) == len(effect.parameters):
+        out = [rest, *({**rest, name: end} for name, end in ends)]
     for q in (q for q in effect.parameters if q.strength):
         for sign in (1.0, -1.0) if q.low < 0.0 < q.high else (1.0,):
             levels = [sign * level * q.typical for level in _LEVELS]
             out += [{**rest, q.name: v} for v in levels if q.low <= v <= q.high]
             typical = {**rest, q.name: min(max(sign * q.typical, q.low), q.high)}
-            out += [{**typical, s.name: end} for s in shapes for end in (s.low, s.high)]
+            out += [{**typical, name: end} for name, end in ends]
     return out

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from sim_device.plant import Drive, Plant
@@ -13,10 +11,8 @@ from smad.control.sample import Sample
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.catalogue import timeline_named
+from smad.diagnosis.spring_pair.replays import PointReader
 from smad.diagnosis.spring_pair.signals import CHANNELS, run_from_columns
-
-if TYPE_CHECKING:
-    from smad.diagnosis.spring_pair.pair import SmaPlant
 
 RATE_HZ = 100.0
 _NAMES = (
@@ -31,7 +27,7 @@ _CONTROL = ControlConfig(kp_A_per_mm=15.0, ki_A_per_mm_s=3.0)
 
 def recorded(
     experiment: str,
-    model: SmaPlant,
+    model: PointReader,
     point: ModelPoint,
     seed: int,
     *,

@@ -6,12 +6,14 @@ point alone is computed once (`GivenRun`, `GivenPoint`) and cached.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
+from sim_device.plant import ParameterSet
 from sim_device.plant.errors import SolverError
 from sim_device.plant.replay import Inputs, Replay, trajectory
 from sim_device.plant.setup import Setup
@@ -21,9 +23,6 @@ from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import TRAITS, means_over_pieces
 from smad.diagnosis.spring_pair.steps import LONGEST_STEP_S, STEP_S, Steps
-
-if TYPE_CHECKING:
-    from smad.diagnosis.spring_pair.pair import SmaPlant
 
 _OPTIONS = {"fixture": "antagonistic", "cooling": "water"}
 _FAST_STEP_S = 1e-2
@@ -40,10 +39,21 @@ _SENSORS = {
 _OUTPUTS = ("i_x_A", "i_y_A", "v_x_V", "v_y_V", "rtd_inlet_degC", "rtd_ambient_degC", *_READINGS)
 
 
+class PointReader(Protocol):
+    """How the spring pair reads a model point (see `SmaPlant`)."""
+
+    @property
+    def parameter_set(self) -> ParameterSet: ...
+    @property
+    def variant(self) -> str: ...
+    def set_of(self, theta: Mapping[str, float]) -> ParameterSet: ...
+    def acting(self, point: ModelPoint) -> dict[str, dict[str, float]]: ...
+
+
 class GivenPoint:
     """A model point as the kernel takes it. Raises PlantError where the plant refuses it."""
 
-    def __init__(self, plant: SmaPlant, point: ModelPoint) -> None:
+    def __init__(self, plant: PointReader, point: ModelPoint) -> None:
         self.variant, self.nominal = plant.variant, plant.parameter_set
         self.parameters = plant.set_of(point.theta)
         self.setup = Setup.make(

@@ -412,7 +412,7 @@ def test_a_point_at_which_a_unit_stops_is_counted_and_said(tmp_path: Path) -> No
     plant.simulate(ModelPoint({"loss_W_K": 0.7}), run)
     (said,) = plant.failures.notes
     assert re.match(
-        r"1 of 3 replays gave no numbers.*dropped: temperature_degC runs away, or is no "
+        r"1 of 3 replays gave no numbers.*dropped: temperature_degC runs away, or is not a "
         r"number, from 0\.\d s on at .*loss_W_K = 0\.7.* in run 0",
         said,
     )
