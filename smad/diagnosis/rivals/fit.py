@@ -38,9 +38,8 @@ _HIDDEN = 0.5
 """Averaged inputs serve while they miss at most this share of a part's effect: a slope that is half
 wrong still points downhill."""
 _POLISHES, _POLISH_ROUNDS = 12, 4
-_STILL = 3.0
-"""Finite-difference steps that slopes of the parameters outlast: with one step instead, check-ups
-gave the same causes and took a sixth longer."""
+_ON_THE_WAY = 3.0
+"""Finite-difference steps that slopes of the parameters outlast until a fit seems to have ended."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -356,24 +355,26 @@ def fit(
     )
 
 
-def reusable_slopes(source: Reference | Fit) -> Array:
+def reusable_slopes(source: Reference | Fit, steps: float = 1.0) -> Array:
     """Slopes of the parameters that still hold, (p, n), or (0, n).
 
-    They hold while every coordinate is within `_STILL` finite-difference steps of where they were
+    They hold while every coordinate is within so many finite-difference `steps` of where they were
     measured, and the parts are the same.
     """
     x, then = source.x, source.linearized_at
-    far = len(then) != len(x) or (np.abs(x - then) > _STILL * source.model.steps(then)).any()
+    far = len(then) != len(x) or (np.abs(x - then) > steps * source.model.steps(then)).any()
     return source.slopes[: 0 if far else source.model.parameters]
 
 
 def polished(evidence: Evidence, fitted: Fit, *, offset: float = 1.0, exact: bool = True) -> Fit:
     """Repeat the fit with fresh slopes of its parts until F falls by less than a nat.
 
-    Slopes of the parameters are computed again where `reusable_slopes` has none.
+    Slopes of the parameters are computed again where `reusable_slopes` has none: on the way within
+    `_ON_THE_WAY` steps, and at the end of an `exact` fit within one.
     """
+    steps = _ON_THE_WAY
     for _ in range(_POLISHES):
-        again = replace(fitted, slopes=reusable_slopes(fitted))
+        again = replace(fitted, slopes=reusable_slopes(fitted, steps))
         base = again if exact else reference_of(evidence, again)
         refitted = base and fit(
             evidence,
@@ -388,7 +389,9 @@ def polished(evidence: Evidence, fitted: Fit, *, offset: float = 1.0, exact: boo
             return fitted
         gained, fitted = fitted.objective - refitted.objective, refitted
         if abs(gained) < NAT:
-            break
+            if not exact or steps == 1.0 or len(reusable_slopes(again)):
+                break
+            steps = 1.0
     return fitted
 
 
