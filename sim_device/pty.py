@@ -65,9 +65,14 @@ class ServeStats:
     """Times the host was waited for in vain."""
 
 
-def said_of_host(stats: ServeStats) -> str:
-    """How often the host was late, in words."""
-    return f"waited for the host {stats.host_waits} times, {stats.host_timeouts} without an answer"
+def in_words(stats: ServeStats, counts: PortCounts) -> str:
+    """How a run went, in one line."""
+    return (
+        f"ended after {stats.samples} samples; {counts.bytes_in} bytes in, "
+        f"{counts.bytes_out} out, {counts.dropped} writes dropped; "
+        f"fell behind the clock {stats.grid_restarts} times, "
+        f"waited for the host {stats.host_waits} times, {stats.host_timeouts} without an answer"
+    )
 
 
 class Server:

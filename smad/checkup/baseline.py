@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,19 +32,49 @@ def commission(
     folder: Path,
     plant: PlantModel,
     programme: Programme,
-    player: Player,
+    opened: AbstractContextManager[Player],
     *,
     bench: str,
     repeats: int,
-    baseline: Baseline | None,
+    again: bool,
     say: Say,
     progress: Say,
 ) -> GoodRuns:
-    """Play `repeats` more repeats than `baseline` has, and compute a baseline of all.
+    """Play `repeats` more repeats than the folder has, and compute a baseline of all.
 
-    Repeats that were played and not yet counted are not played once more. Raises BaselineError
-    where a run is ended early, and what `player` raises.
+    `opened` yields the player, once the folder may be extended. Repeats that were played and not
+    yet counted are not played once more. Raises BaselineError for a baseline that is there unless
+    it is to be extended `again`, for runs of another bench or programme, and where a run is ended
+    early; and what the player raises.
     """
+    baseline = _to_extend(folder, plant, programme, bench=bench, again=again, say=say)
+    with opened as player:
+        _play_repeats(folder, programme, player, repeats=repeats, baseline=baseline, say=say)
+        groups = _by_run(finished(good_series(folder), programme), programme)
+        reference = commissioned(plant, groups, progress=progress)
+        save(Baseline(bench, programme.digest, reference), plant, folder)
+    return reference
+
+
+def in_words(folder: Path, programme: Programme, reference: GoodRuns) -> str:
+    """What a baseline holds, in one line."""
+    minutes, lacked = programme.duration_s / 60.0, ", ".join(reference.point.effects)
+    lacked = f"; the simulator lacked {lacked}" * bool(lacked)
+    return (
+        f"baseline {folder}: {counted(len(programme.runs), 'run')} of {minutes:.1f} min in all, "
+        f"{counted(reference.repeats, 'repeat')} of each{lacked}"
+    )
+
+
+def _play_repeats(
+    folder: Path,
+    programme: Programme,
+    player: Player,
+    *,
+    repeats: int,
+    baseline: Baseline | None,
+    say: Say,
+) -> None:
     repeats_wanted = repeats + (0 if baseline is None else baseline.reference.repeats)
     while (have := len(finished(good_series(folder), programme))) < repeats_wanted:
         place = folder_for(folder, "good", programme, time.time)
@@ -56,20 +87,12 @@ def commission(
                 value=f"{counted(have, 'repeat')} so far",
                 action="see what changed on the bench, then give the same command again",
             )
-    groups = _by_run(finished(good_series(folder), programme), programme)
-    reference = commissioned(plant, groups, progress=progress)
-    save(Baseline(bench, programme.digest, reference), plant, folder)
-    return reference
 
 
-def to_extend(
+def _to_extend(
     folder: Path, plant: PlantModel, programme: Programme, *, bench: str, again: bool, say: Say
 ) -> Baseline | None:
-    """The baseline of a folder that is to be commissioned; None where it is computed anew.
-
-    Raises BaselineError for a baseline that is there unless it is to be extended `again`, and for
-    runs of another bench or programme.
-    """
+    """The baseline of a folder that is to be commissioned; None where it is computed anew."""
     baseline = None
     if (folder / "baseline.json").exists():
         try:

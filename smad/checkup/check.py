@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,8 +24,8 @@ from smad.checkup.files import (
 from smad.checkup.judge import Judgement, judge_runs
 from smad.checkup.programme import Programme
 from smad.checkup.proposal import Proposal, propose
-from smad.checkup.series import Play, folder_for, play_series, read_state
-from smad.checkup.store import Baseline
+from smad.checkup.series import NOW, Play, Player, folder_for, play_series, read_state
+from smad.checkup.store import Baseline, load
 from smad.counted import counted
 from smad.diagnosis.errors import PairingError
 from smad.diagnosis.plant import PlantModel
@@ -34,7 +35,37 @@ from smad.runlog.paths import passed_over
 _NUMBER = re.compile(r"\d[\d.]*")
 
 
-def played_now(
+def check_baseline(
+    folder: Path,
+    plant: PlantModel,
+    programme: Programme,
+    now: Path | None,
+    opened: AbstractContextManager[Player],
+    *,
+    out: Path | None,
+    bench: str,
+    say: Say,
+    progress: Say,
+) -> Judgement:
+    """The verdict over the runs in `now` that the baseline of a folder has.
+
+    Without `now` the programme is played first, into `out`, by the player that `opened` yields.
+    Raises BaselineError where `now` has no run of the baseline, PairingError for runs that cannot
+    be compared, and what the player raises.
+    """
+    baseline, played = load(folder, plant), now is None
+    if now is None:
+        with opened as player:
+            now = _played_now(
+                folder, baseline, programme, player(NOW), out=out, bench=bench, say=say
+            )
+        say(f"played into {now}; --now {now} judges these runs again")
+    return _check_folder(
+        folder, baseline, plant, now, recorded_for_it=played, say=say, progress=progress
+    )
+
+
+def _played_now(
     folder: Path,
     baseline: Baseline,
     programme: Programme,
@@ -47,7 +78,7 @@ def played_now(
     """Play the runs of the programme that the baseline has, and return the folder they are in.
 
     That is `out`, or the next of FOLDER/now-1, now-2 …. Raises BaselineError for a baseline of
-    another bench or programme, and what `play` raises.
+    another bench or programme.
     """
     require_same(folder, baseline, bench, programme, part=True)
     # A baseline of the quick part has nothing to compare the other runs with.
@@ -63,21 +94,17 @@ def names_in(baseline: Baseline) -> set[str]:
     return {run.name for run in baseline.reference.runs}
 
 
-def check_folder(
+def _check_folder(
     folder: Path,
     baseline: Baseline,
     plant: PlantModel,
     now: Path,
     *,
+    recorded_for_it: bool,
     say: Say,
     progress: Say,
-    recorded_for_it: bool = False,
 ) -> Judgement:
-    """The verdict over the runs in `now` that the baseline has.
-
-    Unless they were `recorded_for_it`, the good runs must not be among them. Raises BaselineError
-    where `now` has no run of the baseline, PairingError for runs that cannot be compared.
-    """
+    """Unless the runs in `now` were `recorded_for_it`, the good ones must not be among them."""
     state = read_state(now)
     if state is not None and state.ended:
         say(f"not all of it was played: {state.ended}")
@@ -98,14 +125,13 @@ def check_folder(
     return judge_runs(plant, baseline.reference, [(f.run, f.name) for f in runs], progress=progress)
 
 
-def proposed(
-    folder: Path, baseline: Baseline, plant: PlantModel, progress: Say
-) -> tuple[Judgement, Proposal]:
+def proposed(folder: Path, plant: PlantModel, progress: Say) -> tuple[Judgement, Proposal]:
     """The verdict over the newest check-up or investigation in the folder of a baseline, and what
     to play after it if each run takes as long.
 
     Raises BaselineError when it has none.
     """
+    baseline = load(folder, plant)
     answers = (*folder.glob("now-*"), *folder.glob("investigation-*"))
     places = [place for place in answers if any(place.glob("*.mcap"))]
     if not places:

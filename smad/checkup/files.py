@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from smad.checkup.series import cut_by
 from smad.counted import counted
 from smad.diagnosis.data.guards import same_recording
 from smad.diagnosis.errors import PairingError
@@ -68,7 +69,7 @@ def read_good(folder: Path, say: Say) -> list[RunFile]:
     every_run = read_folder(folder)
     for run in every_run:
         if run.cut:
-            say(left_out(run.path, run.cut))
+            say(_left_out(run.path, run.cut))
     whole = [run for run in every_run if not run.cut]
     if not whole:
         raise PairingError(
@@ -79,7 +80,15 @@ def read_good(folder: Path, say: Say) -> list[RunFile]:
     return whole
 
 
-def left_out(log: Path, cut: str) -> str:
+def whole_runs(good: Sequence[Path], say: Say) -> tuple[Path, ...]:
+    """The good runs without those that a stop cut; `say` tells of each of these."""
+    cuts = {path: cut for path in good if (cut := cut_by(path))}
+    for path, cut in cuts.items():
+        say(_left_out(path, cut))
+    return tuple(path for path in good if path not in cuts)
+
+
+def _left_out(log: Path, cut: str) -> str:
     """What is said of a run that does not count as good because of what cut it."""
     return f"{log} was cut ({cut}), and is left out of the good runs"
 

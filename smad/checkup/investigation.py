@@ -6,17 +6,20 @@ Every run is kept under its number, so that an interrupted investigation can con
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 
+from smad.checkup.baseline import FIRST, require_same
 from smad.checkup.errors import BaselineError
 from smad.checkup.files import read_file
 from smad.checkup.judge import Judgement, judge_runs
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.proposal import Proposal, propose, unpaired_offers
-from smad.checkup.series import Play, keep, newest_open, write_whole
+from smad.checkup.series import NOW, Play, Player, keep, newest_open, write_whole
+from smad.checkup.store import load
 from smad.counted import counted
 from smad.diagnosis.answer import gaps_on
 from smad.diagnosis.paired.difference import pair_runs
@@ -57,6 +60,23 @@ class Report(msgspec.Struct, frozen=True):
     offers: dict[str, float] = {}
     model: str = ""
 
+    @property
+    def spent_s(self) -> float:
+        """Bench time so far."""
+        return sum(r.took_s for r in self.records)
+
+    def ending_lines(self) -> list[str]:
+        """Why it is over, after what time, and the runs that the baseline lacks."""
+        runs = counted(len(self.records), "run")
+        return [
+            f"{self.why_over}; {runs} in {self.spent_s / 60.0:.1f} min",
+            *(
+                f"the baseline has no run {run}; recorded on the good bench, it would be expected "
+                f"to separate the remaining causes by d² = {separation:.0f}"
+                for run, separation in self.offers.items()
+            ),
+        ]
+
 
 def read_report(path: Path) -> Report:
     """The report of an investigation. Raises BaselineError for a file that is none."""
@@ -77,6 +97,40 @@ def open_folder(folder: Path) -> Path:
         return report.exists() and not read_report(report).why_over
 
     return newest_open(folder, "investigation", goes_on)
+
+
+def investigate(
+    folder: Path,
+    plant: SmaPlant,
+    programme: Programme,
+    opened: AbstractContextManager[Player],
+    *,
+    bench: str,
+    seconds: float,
+    say: Say,
+    progress: Say,
+) -> tuple[Path, Report]:
+    """Investigate the bench of a baseline; return the folder of the runs, and the report.
+
+    `opened` yields the player. Raises BaselineError for a baseline of another bench or programme,
+    and what the player raises.
+    """
+    baseline = load(folder, plant)
+    require_same(folder, baseline, bench, programme, part=True)
+    place = open_folder(folder)
+    played = len(list(place.glob("*.mcap")))
+    with opened as player:
+        investigation = Investigation(
+            plant=plant,
+            reference=baseline.reference,
+            programme=programme,
+            originals=folder / FIRST,
+            folder=place,
+            play=player(NOW + played),
+            say=say,
+            seconds=seconds,
+        )
+        return place, investigation.carry_out(progress)
 
 
 @dataclass
@@ -127,10 +181,6 @@ class Investigation:
         self._write(report)
         return report
 
-    def spent_s(self, report: Report) -> float:
-        """Bench time so far."""
-        return sum(r.took_s for r in report.records)
-
     def _report_so_far(self) -> Report:
         path = self.folder / "investigation.json"
         if path.exists():
@@ -159,7 +209,7 @@ class Investigation:
         judgement = judge_runs(self.plant, self.reference, runs, progress=progress)
         costs = self._costs_s(report)
         reserved = sum(costs[run.name] for run in quick)
-        left_s = self.seconds - self.spent_s(report) - reserved
+        left_s = self.seconds - report.spent_s - reserved
         return judgement, propose(judgement, costs, left_s)
 
     def _costs_s(self, report: Report) -> dict[str, float]:

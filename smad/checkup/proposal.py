@@ -49,6 +49,14 @@ class Proposal:
     staying: tuple[str, ...] = ()
     offers: tuple[Offer, ...] = ()
 
+    def lines(self) -> list[str]:
+        """What to play and why, and what each run would separate."""
+        lines = [f"{self.run} {self.why}" if self.run else self.why]
+        lines += [f"  {offer.run:<10} d² = {offer.separation:.1f}" for offer in self.offers]
+        if self.run is not None:
+            lines.append("smad gap investigate plays it, and goes on until it is settled")
+        return lines
+
 
 def propose(judgement: Judgement, costs_s: Mapping[str, float], left_s: float) -> Proposal:
     """The run that best separates the remaining rivals for its time; none when settled or futile.

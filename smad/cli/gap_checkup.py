@@ -16,7 +16,6 @@ from smad.cli.options import FOLDER, OUTPUT, Command, axis_option, flag, option,
 from smad.cli.output import ready_client
 from smad.cli.quantity import Quantity, Whole
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
-from smad.counted import counted
 from smad.view.terminal.progress import Progress, progress
 
 if TYPE_CHECKING:
@@ -76,29 +75,20 @@ def commission(
     from smad.checkup.programme import chosen
     from smad.diagnosis.spring_pair import SmaPlant
 
-    plant, programme = SmaPlant(), chosen(bench.programme_folder, quick=quick)
+    programme = chosen(bench.programme_folder, quick=quick)
     with progress() as line:
-        baseline = baselines.to_extend(
-            folder, plant, programme, bench=bench.name, again=again, say=line.note
+        reference = baselines.commission(
+            folder,
+            SmaPlant(),
+            programme,
+            bench.player(line),
+            bench=bench.name,
+            repeats=repeats,
+            again=again,
+            say=line.note,
+            progress=line.say,
         )
-        with bench.player(line) as player:
-            reference = baselines.commission(
-                folder,
-                plant,
-                programme,
-                player,
-                bench=bench.name,
-                repeats=repeats,
-                baseline=baseline,
-                say=line.note,
-                progress=line.say,
-            )
-    minutes, lacked = programme.duration_s / 60.0, ", ".join(reference.point.effects)
-    lacked = f"; the simulator lacked {lacked}" * bool(lacked)
-    click.echo(
-        f"baseline {folder}: {counted(len(programme.runs), 'run')} of {minutes:.1f} min in all, "
-        f"{counted(reference.repeats, 'repeat')} of each{lacked}"
-    )
+    click.echo(baselines.in_words(folder, programme, reference))
     if reference.repeats < 2:
         click.echo(
             "one repeat cannot show how much repeats differ; add another with --again", err=True
@@ -150,8 +140,6 @@ def checkup(
     """
     from smad.checkup import check
     from smad.checkup.programme import chosen
-    from smad.checkup.series import NOW
-    from smad.checkup.store import load
     from smad.diagnosis.report.files import AnswerFiles
     from smad.diagnosis.spring_pair import SmaPlant
 
@@ -161,26 +149,14 @@ def checkup(
             judgement = check.check_files(plant, good, now, say=line.note, progress=line.say)
         else:
             assert folder is not None
-            programme = chosen(bench.programme_folder, quick=quick)
-            baseline, played = load(folder, plant), now is None
-            if now is None:
-                with bench.player(line, effects) as player:
-                    now = check.played_now(
-                        folder,
-                        baseline,
-                        programme,
-                        player(NOW),
-                        out=out,
-                        bench=bench.name,
-                        say=line.note,
-                    )
-                line.note(f"played into {now}; --now {now} judges these runs again")
-            judgement = check.check_folder(
+            judgement = check.check_baseline(
                 folder,
-                baseline,
                 plant,
+                chosen(bench.programme_folder, quick=quick),
                 now,
-                recorded_for_it=played,
+                bench.player(line, effects),
+                out=out,
+                bench=bench.name,
                 say=line.note,
                 progress=line.say,
             )
@@ -213,42 +189,27 @@ def investigate(
     at each step what it plays and why. After an interruption, repeat the command to continue. The
     bench is disarmed after each run.
     """
-    from smad.checkup.baseline import FIRST, require_same
-    from smad.checkup.investigation import Investigation, open_folder
+    from smad.checkup import investigation
     from smad.checkup.programme import chosen
-    from smad.checkup.series import NOW
-    from smad.checkup.store import load
     from smad.diagnosis.report.words import budget_lines
     from smad.diagnosis.spring_pair import SmaPlant
     from smad.diagnosis.verdict import PAIRED
 
     require_sim(effects, sim=bench.sim)
-    plant, programme = SmaPlant(), chosen(bench.programme_folder)
-    baseline = load(folder, plant)
-    require_same(folder, baseline, bench.name, programme, part=True)
-    place = open_folder(folder)
-    played = len(list(place.glob("*.mcap")))
-    with progress() as line, bench.player(line, effects) as player:
-        investigation = Investigation(
-            plant=plant,
-            reference=baseline.reference,
-            programme=programme,
-            originals=folder / FIRST,
-            folder=place,
-            play=player(NOW + played),
-            say=line.note,
+    with progress() as line:
+        place, report = investigation.investigate(
+            folder,
+            SmaPlant(),
+            chosen(bench.programme_folder),
+            bench.player(line, effects),
+            bench=bench.name,
             seconds=60.0 * minutes,
+            say=line.note,
+            progress=line.say,
         )
-        report = investigation.carry_out(line.say)
     assert report.verdict is not None
     print_verdict(report.verdict)
-    spent_min = investigation.spent_s(report) / 60.0
-    click.echo(f"{report.why_over}; {counted(len(report.records), 'run')} in {spent_min:.1f} min")
-    for run, separation in report.offers.items():
-        click.echo(
-            f"the baseline has no run {run}; recorded on the good bench, it would be expected to "
-            f"separate the remaining causes by d² = {separation:.0f}"
-        )
+    click.echo("\n".join(report.ending_lines()))
     if report.proof:
         click.echo("held out, with the model from the runs before:")
         for text in budget_lines(report.proof, PAIRED):

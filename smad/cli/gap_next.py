@@ -100,18 +100,12 @@ def next_experiment(
 def _propose(folder: Path) -> None:
     """Say what an investigation would play next, after the newest check-up or investigation."""
     from smad.checkup.check import proposed
-    from smad.checkup.store import load
     from smad.diagnosis.spring_pair import SmaPlant
 
-    plant = SmaPlant()
     with progress() as line:
-        judgement, proposal = proposed(folder, load(folder, plant), plant, line.say)
+        judgement, proposal = proposed(folder, SmaPlant(), line.say)
     click.secho(judgement.verdict.headline, bold=True)
-    click.echo(f"{proposal.run} {proposal.why}" if proposal.run else proposal.why)
-    for offer in proposal.offers:
-        click.echo(f"  {offer.run:<10} d² = {offer.separation:.1f}")
-    if proposal.run is not None:
-        click.echo("smad gap investigate plays it, and goes on until it is settled")
+    click.echo("\n".join(proposal.lines()))
 
 
 def _carry_out(name: str, seed: int, model: Model | None, folder: Path, *, bench: str) -> None:

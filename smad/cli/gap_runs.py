@@ -104,17 +104,10 @@ def require_among(names: Sequence[str], groups: Sequence[Sequence[Path]], option
 
 
 def without_cut_runs(good: Sequence[Path]) -> tuple[Path, ...]:
-    """The good runs without those that a stop cut, each of which is named.
+    """The good runs that no stop cut. Raises BadParameter when there were some and none is left."""
+    from smad.checkup.files import whole_runs
 
-    Raises BadParameter when there were some and none is left.
-    """
-    from smad.checkup.files import left_out
-    from smad.checkup.series import cut_by
-
-    cuts = {path: cut for path in good if (cut := cut_by(path))}
-    for path, cut in cuts.items():
-        note(left_out(path, cut))
-    whole = tuple(path for path in good if path not in cuts)
+    whole = whole_runs(good, note)
     if good and not whole:
         raise click.BadParameter(
             "every good run was cut short. Give complete runs", param_hint="--good"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -158,7 +157,8 @@ def export(
         print_json({"files": [str(file) for file in files], what: count, "notes": notes})
         return
     click.echo(f"{count} {what} to {' and '.join(str(file) for file in files)}")
-    _print_notes(notes)
+    for note in notes:
+        click.echo(f"note: {note}")
 
 
 @log.command()
@@ -251,11 +251,8 @@ def import_command(
         return
     click.echo(f"{counted(done.rows, 'row')} to {done.path}")
     print_columns(("column", "channel"), list(done.channel_of.items()))
-    if done.ignored:
-        click.echo(f"left out: {', '.join(done.ignored)}")
-    if done.missing:
-        click.echo(f"not in the file: {', '.join(done.missing)}")
-    _print_notes(done.notes)
+    for line in done.lines():
+        click.echo(line)
 
 
 @log.command()
@@ -266,7 +263,6 @@ def recover(
     as_json: bool = json_option,
 ) -> None:
     """Write an intact copy of a damaged log; report what was lost."""
-    from smad.runlog.holes import words
     from smad.runlog.recover import recover as recover_log
 
     if output is not None:
@@ -276,12 +272,4 @@ def recover(
     if as_json:
         print_json(done)
         return
-    click.echo(f"{counted(done.messages, 'message')} to {done.path}")
-    lost = counted(done.lost_messages, "message")
-    click.echo(f"lost: {lost} in damaged chunks, {done.unread_bytes} bytes")
-    _print_notes([*done.notes, *words(done.holes)])
-
-
-def _print_notes(notes: Sequence[str]) -> None:
-    for note in notes:
-        click.echo(f"note: {note}")
+    click.echo("\n".join(done.lines()))

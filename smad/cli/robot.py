@@ -21,7 +21,6 @@ from smad.cli.options import (
 )
 from smad.cli.output import carry_out, client
 from smad.cli.quantity import Quantity, Whole
-from smad.counted import counted
 from smad.view.terminal.progress import progress
 from smad.view.terminal.tables import print_table
 
@@ -119,7 +118,7 @@ def six_axes(
     It arms the running bench, or with --sim its own. At the end it disarms, and writes a table and
     a page.
     """
-    from smad.experiments.circles import Circles, draw, page_of, table, trackings
+    from smad.experiments.circles import Circles, draw, page_of, skew_in_words, table, trackings
     from smad.processes.simulated import simulated_axes
     from smad.report.page import write_page
     from smad.robot.moving import robot_of
@@ -130,10 +129,7 @@ def six_axes(
         log, skew = draw(connected, robot_used, Circles(radius_deg, period_s), line.say)
     written = write_page(page_of(log, robot_used, skew), report or log.with_suffix(".html"))
     print_table(table(list(trackings(read_axes(log), robot_used))))
-    click.echo(
-        f"{counted(skew.count, 'simultaneous start')}: {skew.p50_us / 1000:.2f} ms apart (median), "
-        f"at most {skew.max_us / 1000:.2f} ms"
-    )
+    click.echo(skew_in_words(skew))
     click.echo(written)
 
 

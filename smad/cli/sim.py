@@ -40,7 +40,7 @@ def sim(
     """
     from sim_device.errors import BenchError
     from sim_device.plant.errors import PlantError
-    from sim_device.pty import HOST_TIMEOUT_S, said_of_host, serve
+    from sim_device.pty import HOST_TIMEOUT_S, in_words, serve
 
     config = boards.configured(path, rate)
     try:
@@ -68,12 +68,7 @@ def sim(
             )
     except (BenchError, PlantError) as error:
         raise SimulatedBenchError(str(error), action="see smad sim --help") from error
-    click.echo(
-        f"ended after {stats.samples} samples; {counts.bytes_in} bytes in, "
-        f"{counts.bytes_out} out, {counts.dropped} writes dropped; "
-        f"fell behind the clock {stats.grid_restarts} times, {said_of_host(stats)}",
-        err=True,
-    )
+    click.echo(in_words(stats, counts), err=True)
 
 
 def _announce(names: Mapping[str, str]) -> None:

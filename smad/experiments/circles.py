@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from smad.arrays import Array
+from smad.counted import counted
 from smad.errors import RunLogError
 from smad.progress import Say
 from smad.report.page import Page, Section, Table, Text
@@ -176,6 +177,14 @@ def page_of(log: Path, robot: Robot, skew: Percentiles | None = None) -> Page:
         sections,
         "Each segment draws a circle with its tip, in turn and then all of them together.",
         (("run log", log.name),),
+    )
+
+
+def skew_in_words(skew: Percentiles) -> str:
+    """How far apart the boards began, in one line."""
+    return (
+        f"{counted(skew.count, 'simultaneous start')}: {skew.p50_us / 1000:.2f} ms apart (median), "
+        f"at most {skew.max_us / 1000:.2f} ms"
     )
 
 

@@ -48,6 +48,12 @@ class Imported:
     missing: list[str]
     notes: list[str]
 
+    def lines(self) -> list[str]:
+        """What was left out, what is not in the file, and the notes."""
+        named = {"left out": self.ignored, "not in the file": self.missing}
+        lines = [f"{what}: {', '.join(names)}" for what, names in named.items() if names]
+        return [*lines, *(f"note: {note}" for note in self.notes)]
+
 
 class _Beside(msgspec.Struct):
     # What `export` writes beside a CSV; see smad.runlog.export.header_document.

@@ -12,6 +12,7 @@ from typing import BinaryIO
 import msgspec
 from mcap import records
 
+from smad.counted import counted
 from smad.errors import RunLogError, refused_by_system
 from smad.progress import Share, silent
 from smad.runlog import open_logs
@@ -39,6 +40,15 @@ class Recovery:
     unread_bytes: int
     notes: list[str]
     holes: list[tuple[float, float]]
+
+    def lines(self) -> list[str]:
+        """How much was saved, how much was lost, and the notes."""
+        return [
+            f"{counted(self.messages, 'message')} to {self.path}",
+            f"lost: {counted(self.lost_messages, 'message')} in damaged chunks, "
+            f"{self.unread_bytes} bytes",
+            *(f"note: {note}" for note in (*self.notes, *words(self.holes))),
+        ]
 
 
 def recovered_path(path: Path) -> Path:

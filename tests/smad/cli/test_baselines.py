@@ -74,7 +74,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch, folder: Path) -> ScriptedBench:
     own = ScriptedBench(folder)
     monkeypatch.setattr(commands._Bench, "player", own.player)
     monkeypatch.setattr(spring_pair, "SmaPlant", lambda: PLANT)
-    monkeypatch.setattr(programme, "chosen", lambda folder, quick: PROGRAMME)
+    monkeypatch.setattr(programme, "chosen", lambda folder, quick=False: PROGRAMME)
     return own
 
 
@@ -177,6 +177,19 @@ def test_one_client_plays_all_repeats_of_a_bench_and_knows_of_a_stop_between_the
 ) -> None:
     assert execute(["gap", "commission", "--baseline", str(tmp_path / "baseline")]) == 0
     assert (bench.runs, bench.clients) == (2, 1)
+
+
+def test_an_investigation_says_why_it_is_over_and_what_would_be_played_next(
+    bench: ScriptedBench, baseline: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert execute(["gap", "investigate", "--sim", "--baseline", str(baseline)]) == 0
+    said = capsys.readouterr().out
+    finding = "settled: nothing has changed beyond the repeat floor"
+    assert f"{finding}; 1 run in 0.4 min\n" in said
+    assert said.endswith(f"runs and report: {baseline / 'investigation-1'}\n")
+    assert execute(["gap", "next", "--baseline", str(baseline)]) == 0
+    assert capsys.readouterr().out.endswith(f"\n{finding}\n")
+    assert bench.clients == 1
 
 
 STOP = "stopped by disarm of a client"
