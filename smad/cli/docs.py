@@ -2,7 +2,7 @@
 
 import click
 
-from smad import pages
+from smad.cli import pages
 from smad.cli.options import Command, argument
 
 

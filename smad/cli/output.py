@@ -82,6 +82,6 @@ def carry_out(
 
 def print_json(value: object, *, indent: int = 2) -> None:
     """Print a value as JSON; with an indent of -1 on one line."""
-    from smad.json_text import json_text
+    from smad.cli.json_text import json_text
 
     click.echo(json_text(value, indent))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from smad.errors import SmadError
 
-_PACKAGE = Path(__file__).resolve().parent
+_PACKAGE = Path(__file__).resolve().parent.parent
 FOLDERS = (_PACKAGE / "data" / "docs", _PACKAGE.parent / "docs")
 """Where a wheel has them, and where a clone has."""
 
