@@ -127,7 +127,7 @@ def _recover(options: argparse.Namespace) -> None:
         only=options.only,
         count=options.cases,
         jobs=options.jobs,
-        kept=options.out,
+        result_path=options.out,
         title=options.title or "Recovery on the simulator of the product",
         note=options.note,
     )

@@ -27,10 +27,10 @@ _HEADER = ("check", "found", "allowed", "")
 
 @dataclass(frozen=True)
 class Check:
-    """One check: what was found, what is allowed, whether it holds."""
+    """One check: what was measured, what is allowed, whether it holds."""
 
     name: str
-    found: str
+    measured: str
     allowed: str
     ok: bool
 
@@ -81,7 +81,7 @@ def parts_of(usage: Sequence[Usage]) -> tuple[list[Usage], list[Usage]]:
 
 def table_of(result: StageResult) -> Table:
     """The checks as a table."""
-    rows = [(c.name, c.found, c.allowed, "ok" if c.ok else "FAILED") for c in checks(result)]
+    rows = [(c.name, c.measured, c.allowed, "ok" if c.ok else "FAILED") for c in checks(result)]
     return Table(_HEADER, rows, numeric=frozenset({1, 2}))
 
 

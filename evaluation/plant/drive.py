@@ -144,8 +144,8 @@ def current(
         i *= 1.0 - min(e[s, CHATTER], 0.9) * speed / (speed + 2e-3)
     if e[s, PEAK_AND_HOLD] > 0.0:
         side[s, LONG_ON] = side[s, LONG_ON] + dt if i > PEAK_A else 0.0
-        held = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
-        side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], held, dt, 0.4)
+        target = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
+        side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], target, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
     drawn_in = pair[X] if s == 0 else -pair[X]
     if drawn_in > SWITCHES_m:

@@ -24,8 +24,8 @@ TUBE = f"recoverable_strain {FORCE}"
 class Effect:
     """One physical effect: `usual` leaves about three floors, `limit` is the largest ever used.
 
-    `at` are the codes of docs/places.md where the nominal model can hold it, that of its own
-    equation first; `on` the states there that its law depends on, the first before all.
+    `place_codes` (docs/places.md) say where the nominal model can hold it, that of its own equation
+    first; `on` the states there that its law depends on, the first before all.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Effect:
     unit: str
     usual: float
     limit: float
-    at: str
+    place_codes: str
     on: str
     form: str
     side: Side = "each"
@@ -42,7 +42,7 @@ class Effect:
     @property
     def places(self) -> list[str]:
         """Codes of its places."""
-        return self.at.split()
+        return self.place_codes.split()
 
     @property
     def states(self) -> list[str]:

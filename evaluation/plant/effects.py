@@ -79,7 +79,7 @@ def magnitudes(active: tuple[Active, ...] = ()) -> NDArray[np.float64]:
     """Array (3, number of effects): magnitude on X, on Y, and the shape number in 0…1."""
     table = np.zeros((3, len(EFFECTS)))
     table[2] = 0.5
-    for one in active:
-        on_x, on_y = one.magnitude * one.x_share, one.magnitude * one.y_share
-        table[:, slot(one.name)] = on_x, on_y, one.shape
+    for effect in active:
+        on_x, on_y = effect.magnitude * effect.x_share, effect.magnitude * effect.y_share
+        table[:, slot(effect.name)] = on_x, on_y, effect.shape
     return table

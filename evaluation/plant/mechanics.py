@@ -297,8 +297,8 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         force_x, slope_x = pull(0, away, force_x, p, e, cells, side)
         against, slope_f, bristle = resisting(x, before, force_y, dt, p[FULL_FLOW], e, side, pair)
         residual = force_x - force_y - against
-        own = slope_x * (1.0 + slope_t * slope_y)
-        step = residual / (own + slope_y + slope_f)
+        stiffness_x = slope_x * (1.0 + slope_t * slope_y)
+        step = residual / (stiffness_x + slope_y + slope_f)
         if abs(step) < 1e-9:
             break
         if step > 0.0:

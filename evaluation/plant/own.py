@@ -40,4 +40,4 @@ class Difference(TypedDict):
 
 def own_differences() -> list[Difference]:
     """The plant's own differences."""
-    return [Difference(places=at.split(), what=what) for at, what in _OWN]
+    return [Difference(places=codes.split(), what=what) for codes, what in _OWN]

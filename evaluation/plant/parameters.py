@@ -137,8 +137,8 @@ def drifting(rng: np.random.Generator, bench: Bench, count: int) -> list[Bench]:
     names = ("loss_W_K", "film_static_W_K", "film_forced_W_K", "flow_W_K")
     whole = {n: _either_side(rng, 0.03, 0.06) for n in names}
     return [
-        replace(bench, **{n: getattr(bench, n) * (1.0 + x * at) for n, x in whole.items()})
-        for at in np.linspace(0.0, 1.0, count)
+        replace(bench, **{n: getattr(bench, n) * (1.0 + x * share) for n, x in whole.items()})
+        for share in np.linspace(0.0, 1.0, count)
     ]
 
 

@@ -73,10 +73,10 @@ def solve(
             )
             gain = work[i, 7]
             film = row[FILM]
-            own = work[i, 5]
-            denominator = own + film + row[TO_CLAMP] - gain * slope
+            storage = work[i, 5]
+            denominator = storage + film + row[TO_CLAMP] - gain * slope
             base = (
-                own * start[i, T]
+                storage * start[i, T]
                 + row[HEAT_WIRE]
                 + row[TO_CLAMP] * ambient
                 + gain * (fraction - work[i, 6] - slope * work[i, 0])

@@ -63,7 +63,7 @@ def shifts(
         lifted = e[s, LINGERING] * max(side[s, INNER_STRESS] - 1.35, 0.0) / 0.4
         heat += lifted
         cool += lifted
-    held = e[s, INTERFACES] * side[s, MIXED]
+    widening = e[s, INTERFACES] * side[s, MIXED]
     worked = e[s, LOAD_WORKS] * (1.0 - math.exp(-side[s, LOADED]))
     left = e[s, BACK_STRESSES] * (side[s, BACK_STRESS] - cells[s, i, FRACTION])
     left -= e[s, TAKES_UP] * (stress / p[STRESS] - side[s, TAKEN_UP]) / 0.4
@@ -71,4 +71,4 @@ def shifts(
     dragged = e[s, DRAGS] * side[s, DRAGGED]
     left -= e[s, HYDROGEN] * side[s, CHARGED]
     cool += e[s, TRAINS] * (1.0 - math.exp(-side[s, TRAINED]))
-    return heat + held - worked + left + dragged, cool - held - worked + left - dragged
+    return heat + widening - worked + left + dragged, cool - widening - worked + left - dragged

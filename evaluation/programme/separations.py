@@ -58,13 +58,13 @@ class Safe:
 class Rivals:
     """The terms of each law, and the places with free laws that each is held against.
 
-    `own` are the numbers of the terms of a law; `pairs` those of a law and of the candidate that it
-    is held against.
+    `columns` are the numbers of the terms of a law; `pairs` those of a law and of the candidate
+    that it is held against.
     """
 
     candidates: tuple[Candidate, ...]
     names: tuple[str, ...]
-    own: tuple[range, ...]
+    columns: tuple[range, ...]
     pairs: tuple[tuple[int, int], ...]
 
     @staticmethod
@@ -86,7 +86,7 @@ class Rivals:
     @property
     def terms(self) -> int:
         """How many terms there are."""
-        return self.own[-1].stop
+        return self.columns[-1].stop
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ def separations(rivals: Rivals, gram: Array) -> Separations:
         rest[:, i] = alone - np.einsum("nm,nm->n", across, np.linalg.solve(products, across.T).T)
     rest = np.maximum(rest, 0.0)
     logs, shares = np.log1p(rest), rest / alone[:, None]
-    rows = [(slice(r.start, r.stop), i) for k, i in rivals.pairs for r in [rivals.own[k]]]
+    rows = [(slice(r.start, r.stop), i) for k, i in rivals.pairs for r in [rivals.columns[k]]]
     return Separations(
         rivals,
         np.array([logs[terms, i].mean() for terms, i in rows]),

@@ -56,15 +56,15 @@ def run(
     only: Sequence[str] = (),
     count: int | None = None,
     jobs: int = 1,
-    kept: Path | None = None,
+    result_path: Path | None = None,
     title: str = "",
     note: str = "",
 ) -> dict[str, Table]:
     """Answer the cases that the file `path` lacks, and print the scores of all that were asked for.
 
     `only` are questions, all of them if empty; `count` cases of each. Answers of other code, or of
-    another seed, are made anew. With `kept` the tables are kept as a result. Raises WithheldError
-    for a question that there is not.
+    another seed, are made anew. With `result_path` the tables are kept as a result there. Raises
+    WithheldError for a question that there is not.
     """
     for question in only:
         if question not in QUESTIONS:
@@ -80,8 +80,9 @@ def run(
         print(heading)
         print_table(table)
         print()
-    if kept is not None:
-        keep(kept, by_heading, title=title, command="python -m evaluation recover", note=note)
+    if result_path is not None:
+        command = "python -m evaluation recover"
+        keep(result_path, by_heading, title=title, command=command, note=note)
     return by_heading
 
 

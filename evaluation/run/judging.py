@@ -65,8 +65,8 @@ class Check:
 
     def plant_without(self, entries: Sequence[str]) -> SmaPlant:
         """The same without some entries of its library."""
-        kept = tuple(e.name for e in self.plant.effects if e.name not in entries)
-        return replace(self.plant, only=kept)
+        names = tuple(e.name for e in self.plant.effects if e.name not in entries)
+        return replace(self.plant, only=names)
 
     @functools.cached_property
     def _digests(self) -> dict[str, str]:

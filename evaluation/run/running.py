@@ -170,10 +170,10 @@ def answered(
     fails is named in the notes.
     """
     todo = [(c, check.made_of(c)) for c in cases if c.id not in file.verdicts]
-    made_of = {case.id: own for case, own in todo}
+    made_of = {case.id: digest for case, digest in todo}
     groups: dict[str, list[Task]] = {}
-    for case, own in todo:
-        groups.setdefault(case.bench or case.id, []).append((case, own))
+    for case, digest in todo:
+        groups.setdefault(case.bench or case.id, []).append((case, digest))
     say = _Progress(len(cases), len(todo))
     lock = threading.Lock()
 

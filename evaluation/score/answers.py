@@ -51,7 +51,7 @@ class CaseKey(msgspec.Struct, frozen=True):
     effects: list[TrueEffect] = []
     gap_worst: float = 0.0
     bench: int = 0
-    own: list[Difference] = []
+    differences: list[Difference] = msgspec.field(default_factory=list, name="own")
 
 
 class Key(msgspec.Struct, frozen=True):

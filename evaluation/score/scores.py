@@ -90,13 +90,13 @@ def _added_named(p: Pair) -> bool:
 def _own_found(p: Pair) -> float:
     """Share of the plant's own differences, four at most, that the first four places hold."""
     places = {c.place for c in p.said.causes[:_FIRST_OWN]}
-    hits = sum(bool(places & set(own.places)) for own in p.truth.own)
-    return min(hits / min(len(p.truth.own), _FIRST_OWN), 1.0)
+    hits = sum(bool(places & set(d.places)) for d in p.truth.differences)
+    return min(hits / min(len(p.truth.differences), _FIRST_OWN), 1.0)
 
 
 def _something_differs(p: Pair, cause: Cause) -> bool:
     """The added effect or one of the plant's own differences is at the place of a cause."""
-    return cause.place in p.true_places.union(*(own.places for own in p.truth.own))
+    return cause.place in p.true_places.union(*(d.places for d in p.truth.differences))
 
 
 Said = tuple[float, bool]

@@ -21,13 +21,13 @@ _RUNS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A cause that was rated and then simulated; `found`: its place came first."""
+    """A cause that was rated and then simulated; `named`: its place came first."""
 
     effect: str
     rating: str
     size: float
     seed: int
-    found: bool
+    named: bool
     first: str
 
 
@@ -66,7 +66,7 @@ def _case(plant: RatedPlant, rating: Rating, played: Sequence[dict[str, Array]],
         size=size,
         seed=seed,
         first=first,
-        found=first in effect.places,
+        named=first in effect.places,
     )
 
 
@@ -93,7 +93,7 @@ def shares(tried: Sequence[Case]) -> list[str]:
     out = []
     for rating in (IDENTIFIABLE, NOT):
         part = [c for c in tried if c.rating == rating]
-        hit = sum(c.found for c in part)
+        hit = sum(c.named for c in part)
         if part:
             out.append(f"{rating}: place first in {hit} of {len(part)}, {hit / len(part):.2f}")
     return out

@@ -51,7 +51,7 @@ def test_every_cause_of_a_rated_plant_acts_where_the_plant_has_a_place(plant: Ra
 
 def test_shares_are_of_each_rating_that_has_cases() -> None:
     made = [
-        Case(effect="a", rating="identifiable", size=1.0, seed=k, found=k > 0, first="p")
+        Case(effect="a", rating="identifiable", size=1.0, seed=k, named=k > 0, first="p")
         for k in range(4)
     ]
     assert shares(made) == ["identifiable: place first in 3 of 4, 0.75"]

@@ -252,8 +252,8 @@ def _good_point(
     if fitted is None:
         return question.model.start
     around = question_of(plant, fitted.point, evidence, effects=effects, say=say)
-    found = run_search(around, laws=False).final.fit
-    return found.point if found else fitted.point
+    final_fit = run_search(around, laws=False).final.fit
+    return final_fit.point if final_fit else fitted.point
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -344,14 +344,14 @@ def _effect(entry: RegistryEffect) -> Effect:
     parameters = tuple(
         _like(EffectParameter, q, strength=q.is_strength) for q in entry.parameters if not q.switch
     )
-    own = {"parameters": parameters, "sub_model": entry.subsystem, "separates": entry.separated_by}
-    return _like(Effect, entry, **own)
+    more = {"sub_model": entry.subsystem, "separates": entry.separated_by}
+    return _like(Effect, entry, parameters=parameters, **more)
 
 
-def _like(kind: type[_Record], entry: object, **own: Any) -> _Record:
-    """A record of the diagnosis with the fields of one of `sim_device.plant`, but its `own`."""
-    names = (f.name for f in fields(kind) if f.name not in own)
-    return kind(**{name: getattr(entry, name) for name in names}, **own)
+def _like(kind: type[_Record], entry: object, **given: Any) -> _Record:
+    """A record of the diagnosis: what is `given`, and the other fields from one of the plant."""
+    names = (f.name for f in fields(kind) if f.name not in given)
+    return kind(**{name: getattr(entry, name) for name in names}, **given)
 
 
 def _clipped(value: float, low: float, high: float) -> float:
