@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 import smad.checkup.check
-import smad.checkup.store
+import smad.checkup.investigation
 import smad.client
 from sim_device.plant.models import built_in
 from smad.checkup.investigation import Investigation
@@ -129,7 +129,8 @@ def _against_a_baseline(*words: str) -> Callable[[Path], str]:
         reference = SimpleNamespace(runs=[SimpleNamespace(name=name)])
         baseline = Baseline("bench", programme.digest, reference)  # type: ignore[arg-type]
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(smad.checkup.store, "load", lambda folder, plant: baseline)
+            for room in (smad.checkup.check, smad.checkup.investigation):
+                patch.setattr(room, "load", lambda folder, plant: baseline)
             patch.setattr(RecordedInputs, "require_bench", lambda self, uid, bench: None)
             # A run that tripped is judged as far as it goes; there is nothing to judge it by here.
             patch.setattr(smad.checkup.check, "judge_runs", _judged)
