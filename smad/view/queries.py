@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -91,33 +91,33 @@ class Queries:
 
     async def answer(self, ask: commands.Question) -> tuple[str, Any]:
         """Return what to say to a question, and what to show. Raises SmadError."""
-        return await self.QUESTIONS[type(ask)](self, ask)
-
-    async def _runs(self, ask: commands.Runs) -> tuple[str, Any]:
-        return "", await self._reader.ask(work.runs, self._folder(), MOST_RUNS)
-
-    async def _results(self, ask: commands.Results) -> tuple[str, Any]:
-        path = run_path(self._folder(), ask.run)
-        return "", await self._reader.ask(work.results, path, ask.axis)
-
-    async def _experiments(self, ask: commands.Experiments) -> tuple[str, Any]:
-        return "", await self._reader.ask(work.experiments)
-
-    async def _preview(self, ask: commands.Preview) -> tuple[str, Any]:
         axis = self._source.axis(ask.axis)
-        config = axis.config
-        rate = config.control.handover_rate_mm_per_s
-        return "", [preview.drawn(ask.trajectory, axis.reference_mm, config.limits, rate)]
+        limits, rate = axis.config.limits, axis.config.control.handover_rate_mm_per_s
+        match ask:
+            case commands.Runs():
+                return "", await self._reader.ask(work.runs, self._folder(), MOST_RUNS)
+            case commands.Results(run=run):
+                path = run_path(self._folder(), run)
+                return "", await self._reader.ask(work.results, path, ask.axis)
+            case commands.Experiments():
+                return "", await self._reader.ask(work.experiments)
+            case commands.Preview(trajectory=piece):
+                return "", [preview.drawn(piece, axis.reference_mm, limits, rate)]
+            case commands.PreviewExperiment(experiment=name, settings=settings):
+                return "", await self._reader.ask(work.plans, name, settings, limits, rate)
+            case commands.Begin():
+                return await self._begin(ask, axis), None
+            case commands.EndJob():
+                ended = self.jobs.interrupt()
+                return "the job is ending" if ended else "no job is under way", None
+            case commands.ShowQueue():
+                folder, bench = self._folder(), self._source.bench
+                return "", await asyncio.to_thread(queue.queue_state, folder, bench)
+            case commands.ChangeQueue(change=change):
+                folder, bench = self._folder(), self._source.bench
+                return await asyncio.to_thread(queue.carry_out, folder, bench, change)
 
-    async def _preview_experiment(self, ask: commands.PreviewExperiment) -> tuple[str, Any]:
-        config = self._source.axis(ask.axis).config
-        rate = config.control.handover_rate_mm_per_s
-        return "", await self._reader.ask(
-            work.plans, ask.experiment, ask.settings, config.limits, rate
-        )
-
-    async def _begin(self, ask: commands.Begin) -> tuple[str, Any]:
-        axis = self._source.axis(ask.axis)
+    async def _begin(self, ask: commands.Begin, axis: Axis) -> str:
         now = axis.shown
         if now is not None and ask.generation not in (None, now.generation):
             raise NotReady(
@@ -132,19 +132,8 @@ class Queries:
             )
         shown = None if now is None else now.generation
         known = shown if ask.generation is None else ask.generation
-        begun = self.jobs.begin(ask.job, self._folder(), self._source.bench, axis.name, stops=known)
-        return await begun, None
-
-    async def _end_job(self, ask: commands.EndJob) -> tuple[str, Any]:
-        return "the job is ending" if self.jobs.interrupt() else "no job is under way", None
-
-    async def _queue(self, ask: commands.ShowQueue) -> tuple[str, Any]:
-        return "", await asyncio.to_thread(queue.queue_state, self._folder(), self._source.bench)
-
-    async def _change_queue(self, ask: commands.ChangeQueue) -> tuple[str, Any]:
-        return await asyncio.to_thread(
-            queue.carry_out, self._folder(), self._source.bench, ask.change
-        )
+        folder, bench = self._folder(), self._source.bench
+        return await self.jobs.begin(ask.job, folder, bench, axis.name, stops=known)
 
     def _folder(self) -> Path:
         if not self._source.folder:
@@ -152,18 +141,6 @@ class Queries:
                 "the folder of the runs is not known yet", action="wait until the daemon answers"
             )
         return Path(self._source.folder)
-
-    QUESTIONS: Mapping[type, Callable[[Queries, Any], Awaitable[tuple[str, Any]]]] = {
-        commands.Runs: _runs,
-        commands.Results: _results,
-        commands.Experiments: _experiments,
-        commands.Preview: _preview,
-        commands.PreviewExperiment: _preview_experiment,
-        commands.Begin: _begin,
-        commands.EndJob: _end_job,
-        commands.ShowQueue: _queue,
-        commands.ChangeQueue: _change_queue,
-    }
 
 
 async def of_memory(feed: Feed, from_s: float, to_s: float, view: View) -> tuple[Frame, Moments]:

@@ -15,7 +15,6 @@ from smad.control.inforce import tune_of
 from smad.runlog.schema import CHANNELS, ChannelSpec
 from smad.style import strips
 from smad.view import commands, forms, page, state
-from smad.view.queries import Queries
 from smad.view.source import Source
 
 STATIC = Path(page.__file__).parent / "static"
@@ -99,10 +98,6 @@ def test_limits_are_those_of_the_configuration() -> None:
 
 def test_every_command_of_a_page_has_a_way_to_the_client() -> None:
     assert all(hasattr(kind, "carry_out") for kind in get_args(commands.Command))
-
-
-def test_every_question_of_a_page_has_an_answer() -> None:
-    assert set(Queries.QUESTIONS) == set(get_args(commands.Question))
 
 
 def test_the_first_message_holds_nothing_that_json_cannot() -> None:
