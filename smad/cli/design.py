@@ -66,8 +66,7 @@ def design(
     a full stroke to and fro; docs/guide/design.md says what is scaled and what is not.
     """
     from sim_device.plant.geometry import load_geometry
-    from smad.design.cycle import design_cycle
-    from smad.design.page import design_page
+    from smad.design.cycle import design_cycle, design_page
     from smad.report.page import Table, write_page
     from smad.view.terminal.tables import print_table
 

@@ -23,6 +23,7 @@ from sim_device.plant.geometry import (
 from sim_device.plant.parameters import ParameterSet, spring_factors
 from sim_device.plant.units import ZERO_C
 from smad.design.checked import DesignError, anneals_s, outside, refuse_fan, refuse_impossible
+from smad.report.page import Page, Section, Table, Text
 
 DT_S = 0.02
 STEP_K = 0.5
@@ -213,3 +214,41 @@ def _run(plant: Plant, phase: _Phase, seen: _Seen) -> float:
         seen.least_N = min(seen.least_N, now.force_N)
         seen.peak_K = max(seen.peak_K, now.T_K[phase.spring])
     return elapsed_s
+
+
+_HEADER = ("quantity", "value")
+_ALLOY = (
+    "The alloy is not scaled; its published numbers beside those of other laboratories are in "
+    "docs/physics.md."
+)
+
+
+def design_page(
+    design: Design,
+    geometry: Geometry,
+    alloy: str,
+    *,
+    current_A: float,
+    cooling: str,
+    air_m_per_s: float = 0.0,
+) -> Page:
+    """Return the page: what the pair gives, and for what geometry, current and cooling."""
+    sizes = [(name, f"{value:g}") for name, value in asdict(geometry).items() if value is not None]
+    fan = [("air_m_per_s", f"{air_m_per_s:g}")] if air_m_per_s else []
+    sizes += [("current_A", f"{current_A:g}"), ("cooling", cooling), *fan, ("alloy", alloy)]
+    return Page(
+        title="Design of a pair of springs",
+        lead="What the simulated pair gives over a full stroke to and fro.",
+        facts=[],
+        sections=[
+            Section("What it gives", [Table(_HEADER, design.rows())]),
+            Section(
+                "For this geometry",
+                [
+                    Table(_HEADER, sizes),
+                    *(Text(f"Outside what was checked: {remark}.") for remark in design.outside),
+                    Text(_ALLOY, kind="note"),
+                ],
+            ),
+        ],
+    )

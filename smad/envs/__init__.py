@@ -11,13 +11,12 @@ from smad.extras import part
 
 if TYPE_CHECKING:
     from smad.envs.bench import on_bench
-    from smad.envs.pair import SpringPairEnv
+    from smad.envs.pair import Degrees, SpringPairEnv
     from smad.envs.vector import SpringPairVectorEnv
-    from smad.envs.wrappers import Degrees
 
 NAME = "smad/SpringPair-v0"
 _HOMES = {
-    "Degrees": "wrappers",
+    "Degrees": "pair",
     "SpringPairEnv": "pair",
     "SpringPairVectorEnv": "vector",
     "on_bench": "bench",

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import msgspec
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from smad import notebook
 from smad.counted import counted
 from smad.errors import RunLogError
+from smad.extras import part
 from smad.progress import Share, silent
 from smad.runlog import open_logs
 from smad.runlog.bounds import MOST_LOG_BYTES, MOST_LOG_ROWS
@@ -28,6 +29,7 @@ from smad.runlog.schema import (
     CHANNELS,
     CUT,
     EVENT_TOPIC,
+    LEGENDS,
     LINK_TOPIC,
     MISSING_INTEGER,
     ROW_TOPIC,
@@ -96,10 +98,11 @@ class Run:
         Whole numbers are nullable integers; `mode` and `limiter` are words. Units are in
         `frame.attrs["units"]`. Raises MissingPartError without pandas.
         """
-        from smad.runlog.frames import data_frame
-
-        masks = {name: recorded(column) for name, column in self.columns.items()}
-        return data_frame({n: c for n, c in self.columns.items() if masks[n].any()}, masks)
+        pd = part("pandas")
+        columns = {n: c for n, c in self.columns.items() if recorded(c).any()}
+        frame: pandas.DataFrame = pd.DataFrame({n: _series(pd, n, c) for n, c in columns.items()})
+        frame.attrs["units"] = {name: CHANNELS[name].unit for name in columns}
+        return frame.set_index("t_s") if "t_s" in columns else frame
 
     def _repr_html_(self) -> str:
         rows = [
@@ -349,3 +352,17 @@ def _column(name: str, rows: list[Row]) -> Column:
 def _whole(value: int | None) -> int:
     # A log of another program may hold more than 64 bits; that is no value of ours.
     return MISSING_INTEGER if value is None or not 0 <= value < 2**63 else value
+
+
+def _series(pd: Any, name: str, column: Column) -> Any:
+    """A column as pandas has it, by its kind."""
+    series = pd.Series(column)
+    if CHANNELS[name].kind == "float":
+        return series
+    series = series.astype("Int64").where(recorded(column))
+    legend = LEGENDS.get(name)
+    if legend is None:
+        return series
+    # A number that a newer board sends and we have no word for stays a number.
+    words = series.map(lambda number: legend.get(number, str(number)), na_action="ignore")
+    return words.astype("category")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
@@ -19,7 +19,6 @@ from smad.diagnosis.runs import GapRun
 from smad.simulators.calling import called
 from smad.simulators.declare import Simulator, value_name
 from smad.simulators.errors import LostProcessError, SimulatorError
-from smad.simulators.failures import Failures
 from smad.simulators.processes import Processes
 from smad.simulators.saving import save_values
 from smad.simulators.starts import Window, Windows, by_window
@@ -287,3 +286,37 @@ def _bounded(c: Channel, y: Array) -> Mask:
     """Where a channel has not yet run away, (n,)."""
     most = _RUNAWAY * max(c.high - c.low, abs(c.low), abs(c.high))
     return np.asarray(np.logical_and.accumulate(np.abs(y) < most))
+
+
+@dataclass
+class Failures:
+    """Replays that gave no numbers: how many, and why the first did; and of each effect how many
+    gave numbers and how many did not."""
+
+    replays: int = 0
+    failed: int = 0
+    why: str = ""
+    of_effects: dict[str, list[int]] = field(default_factory=dict)
+
+    def add(self, why: str) -> None:
+        """A replay that failed; why the first one did is kept."""
+        self.failed += 1
+        self.why = self.why or why
+
+    def count(self, effects: Iterable[str], *, failed: bool) -> None:
+        """A replay with these effects."""
+        for name in effects:
+            self.of_effects.setdefault(name, [0, 0])[failed] += 1
+
+    @property
+    def notes(self) -> list[str]:
+        """What is said of them in a verdict; nothing where there were none."""
+        if not self.failed:
+            return []
+        never = [n for n, (good, bad) in self.of_effects.items() if bad and not good]
+        lost = [f"no replay with {', '.join(never)} gave numbers: no rival"] if never else []
+        return [
+            f"{self.failed} of {self.replays} replays gave no numbers, and what they were of was "
+            f"dropped: {self.why}",
+            *lost,
+        ]

@@ -3,11 +3,13 @@
 import contextlib
 import csv
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
+import msgspec
+import numpy as np
 from msgspec import Struct, structs
 
 from smad.config import Config
@@ -18,14 +20,16 @@ from smad.experiments.endurance.limits import EndLimits, LimitMonitor
 from smad.experiments.endurance.profile import Profile
 from smad.experiments.endurance.room import Reserve, Room, longest_block_s, room_for
 from smad.experiments.endurance.statistics import NAMES, Cycle, bounds, cycles_of
-from smad.experiments.endurance.thin import thin
 from smad.experiments.errors import ExperimentError
 from smad.experiments.logs import recording_of
 from smad.experiments.recording import Recording
+from smad.files import replacing
 from smad.progress import Say, silent
 from smad.runlog.paths import SUFFIX, make_folder
-from smad.runlog.reader import read_run
+from smad.runlog.reader import Run, read_run, recorded
 from smad.runlog.recover import recovered_path
+from smad.runlog.schema import Event, Record, Row
+from smad.runlog.writer import write_run
 
 CYCLES_FILE = "cycles.csv"
 NO_LIMITS = EndLimits()
@@ -254,3 +258,38 @@ def _as_text(value: float) -> str:
         return str(value)
     # Board time of weeks has more digits in front of the point.
     return f"{value:.6g}" if abs(value) < 1e5 else f"{value:.2f}"
+
+
+def thin(path: Path, stretches: Sequence[tuple[int, int]], note: str) -> int:
+    """Replace the log by one with these samples (first, last excluded) and all of its events.
+
+    Returns how many samples it has. The new log is on the disk whole before the old one goes.
+    Raises RunLogError.
+    """
+    run = read_run(path)
+    chosen = np.zeros(len(run), bool)
+    for begin, end in stretches:
+        chosen[begin:end] = True
+    rows = [_row(run, int(place)) for place in np.flatnonzero(chosen)]
+    records: list[Record] = sorted([*rows, *run.events], key=lambda record: record.t_s or 0.0)
+    records.append(Event(t_s=run.columns["t_s"][-1], kind="note", text=note))
+    header = msgspec.structs.replace(run.header, notes=[*run.header.notes, note])
+    with replacing(path) as draft:
+        draft.unlink(missing_ok=True)
+        write_run(draft, header, records)
+        _to_disk(draft)
+    _to_disk(path.parent)
+    return len(rows)
+
+
+def _row(run: Run, place: int) -> Row:
+    values = {name: column[place] for name, column in run.columns.items()}
+    return Row(**{name: value.item() for name, value in values.items() if recorded(value)})
+
+
+def _to_disk(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

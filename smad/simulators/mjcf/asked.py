@@ -1,14 +1,16 @@
-"""The diagnosis of a MuJoCo model: its map and its runs make a declared simulator."""
+"""The diagnosis of a MuJoCo model: its map and its runs make a declared simulator, and a file."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from smad.diagnosis import Answer
-from smad.diagnosis.plant import Parameter
+from smad.diagnosis.plant import ModelPoint, Parameter, Uncertainty
 from smad.records.column_names import unit_in
 from smad.simulators.asking import diagnose
 from smad.simulators.by_map import tables_by_map
@@ -26,8 +28,8 @@ from smad.simulators.mjcf.library import (
 from smad.simulators.mjcf.map_file import MjcfMap, ParameterRow, read_map
 from smad.simulators.mjcf.model import MujocoModel, load
 from smad.simulators.mjcf.parts import number_of
-from smad.simulators.mjcf.saving import save
 from smad.simulators.planning import Plan, plan
+from smad.simulators.saving import model_text
 from smad.simulators.transducers import KINDS
 from smad.units import units_for
 
@@ -157,3 +159,51 @@ def _parameter(replay: MujocoModel, name: str, row: ParameterRow) -> Parameter:
             action=f"give its values in {unit}, and name it so",
         )
     return row.declared(name, unit, replay.nominal(name))
+
+
+def save(
+    replay: MujocoModel,
+    point: ModelPoint,
+    path: Path,
+    note: str,
+    uncertainty: Uncertainty | None = None,
+) -> None:
+    """Write a point of a model: as MJCF where its fields have the effects, else as a model file.
+
+    A model file is TOML: the MJCF with the parameters and the effects that its fields have, and in
+    tables what no field has: transducers, backlash, laws.
+    """
+    xml, rest = written(replay, point)
+    text = f"<!-- {note.replace('--', '- -')} -->\n{xml}"
+    if rest or point.laws:
+        head = ["# a MuJoCo model with what no field of MJCF has", f"mjcf = {json.dumps(xml)}"]
+        text = model_text(head, note, rest, point, uncertainty)
+    path.write_text(text, "utf-8")
+
+
+def written(replay: MujocoModel, point: ModelPoint) -> tuple[str, dict[str, Mapping[str, float]]]:
+    """The MJCF at a point, and the effects that no field of it has."""
+    spec = replay.spec.copy()
+    fresh = spec.compile()
+    values = {n: replay.nominal(n) for n in replay.mapped.parameters} | {
+        n: v for n, v in point.theta.items() if n in replay.mapped.parameters
+    }
+    of_model = {e.effect.name: e for e in replay.effects}
+    rest: dict[str, Mapping[str, float]] = {}
+    gears = {
+        f"{x.name}_gain": x.column for x in replay.driven if x.column < fresh.nu and x.offset == 0.0
+    }
+    for e in replay.effects:
+        sizes = point.effects.get(e.effect.name, {})
+        values[e.effect.name] = sizes.get("size", 0.0)
+        values |= {
+            q.name: sizes.get(q.name, q.typical) for q in e.effect.parameters if not q.strength
+        }
+    replay.write(fresh, values)
+    for name, sizes in point.effects.items():
+        if name in gears:
+            fresh.actuator_gear[gears[name]] *= 1.0 + sizes.get("g", 0.0)
+        elif name not in of_model and any(sizes.values()):
+            rest[name] = dict(sizes)
+    spec.copy_back(fresh)
+    return spec.to_xml(), rest

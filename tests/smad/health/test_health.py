@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from smad.cli import execute
-from smad.health.collect import collect
+from smad.health.collect import collect, row_of_verdict
 from smad.health.cycles import rows_of_cycles
 from smad.health.errors import HealthError
 from smad.health.measure import row_of
 from smad.health.record import FILE, Row, Value, append, read
 from smad.health.report import headline, health_of, page, table
 from smad.health.trends import REFERENCE, Trend, forecast, trend_of
-from smad.health.verdicts import row_of_verdict
 from smad.progress import silent
 from smad.report.page import render
 from smad.runlog.header import RunHeader
