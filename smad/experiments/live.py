@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec.structs import asdict
 
 from firmware_protocol.enums import Fault
 from smad import api
@@ -61,6 +64,7 @@ _TOKEN_S = 0.2
 """Enough for a second try."""
 
 
+@dataclass(eq=False)
 class LiveDriver:
     """A running daemon. The springs are mounted as the user says: `fixture` and `cooling`.
 
@@ -74,30 +78,18 @@ class LiveDriver:
     that ended early.
     """
 
-    log: Path | None = None
-
-    def __init__(
-        self,
-        client: Client,
-        *,
-        who: str = "smad run",
-        lease_s: float | None = None,
-        fixture: Fixture = "antagonistic",
-        cooling: Cooling = "water",
-        progress: Say = silent,
-        sleep: Callable[[float], None] = time.sleep,
-        clock_s: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self.client = client
-        self._who = who
-        self._lease_s = lease_s
-        self._fixture = fixture
-        self._cooling = cooling
-        self._progress = progress
-        self._sleep = sleep
-        self._clock_s = clock_s
-        self._generation = 0
-        self._disarmed = False
+    client: Client
+    _: KW_ONLY
+    who: str = "smad run"
+    lease_s: float | None = None
+    fixture: Fixture = "antagonistic"
+    cooling: Cooling = "water"
+    progress: Say = silent
+    sleep: Callable[[float], None] = time.sleep
+    clock_s: Callable[[], float] = time.monotonic
+    log: Path | None = field(default=None, init=False)
+    _generation: int = field(default=0, init=False)
+    _disarmed: bool = field(default=False, init=False)
 
     def parts(self) -> frozenset[str]:
         status = self.client.status()
@@ -107,23 +99,23 @@ class LiveDriver:
                 "the daemon has no sample of the bench yet",
                 action="see `smad status` for the link",
             )
-        staged = self._fixture != "antagonistic"
+        staged = self.fixture != "antagonistic"
         return frozenset(
             part
             for part in PARTS
-            if (part == "drain" and self._cooling == "water" and part in status.board.capabilities)
+            if (part == "drain" and self.cooling == "water" and part in status.board.capabilities)
             or (part == "stage" and staged)
             or getattr(sample, part, None) is not None
         )
 
     def mounting(self) -> Mounting | None:
-        return Mounting(self._fixture, self._cooling)
+        return Mounting(self.fixture, self.cooling)
 
     def run(self, plan: Plan) -> Recording:
         """See `Driver`. Raises NotInControl while somebody else has control."""
-        if self._lease_s is None:
+        if self.lease_s is None:
             return self._run(plan)
-        with self.client.in_control(self._who, self._lease_s):
+        with self.client.in_control(self.who, self.lease_s):
             try:
                 self._arm_when_cold(plan)
                 return self._run(plan)
@@ -141,13 +133,13 @@ class LiveDriver:
             self.client,
             timeout_s,
             lambda: self._say_waiting(plan),
-            sleep=self._sleep,
-            clock_s=self._clock_s,
+            sleep=self.sleep,
+            clock_s=self.clock_s,
         )
 
     def _say_waiting(self, plan: Plan) -> None:
         if self._disarmed:
-            self._progress(f"{plan.name}: waiting until the springs are cold enough to arm")
+            self.progress(f"{plan.name}: waiting until the springs are cold enough to arm")
 
     def _run(self, plan: Plan) -> Recording:
         if Mounting(plan.fixture, plan.cooling) != self.mounting():
@@ -228,13 +220,7 @@ class LiveDriver:
             case Follow():
                 client.move(*command.trajectories, queue=command.queue)
             case HoldTemperature():
-                client.heat(
-                    command.spring,
-                    command.temperature_degC,
-                    rate_K_per_s=command.rate_K_per_s,
-                    duration_s=command.duration_s,
-                    use_water=command.use_water,
-                )
+                client.heat(**asdict(command))
             case DriveCurrent():
                 client.current(command)
             case FollowInputs():
@@ -280,8 +266,8 @@ class LiveDriver:
             if motion.board_time_s - began_s >= seconds:
                 return False
             passed_s = motion.board_time_s - began_s
-            self._progress(f"{plan.name}: {passed_s:.0f} of at most {seconds:.0f} s of this step")
-            self._sleep(POLL_S)
+            self.progress(f"{plan.name}: {passed_s:.0f} of at most {seconds:.0f} s of this step")
+            self.sleep(POLL_S)
             motion = client.motion()
         _require_whole(plan, motion)
         return True
@@ -330,7 +316,7 @@ class LiveDriver:
         A sensor with an offset never shows the water's temperature. Then idle.
         """
         client = self.client
-        duty = 1.0 if self._cooling == "water" else 0.0
+        duty = 1.0 if self.cooling == "water" else 0.0
         client.current(DriveCurrent(pump_x_duty=duty, pump_y_duty=duty))
 
         since_s, was_degC = client.motion().board_time_s, math.inf
@@ -340,7 +326,7 @@ class LiveDriver:
             row = client.status().sample
             if row is None or row.rtd_x_degC is None:
                 return False
-            around = row.rtd_inlet_degC if self._cooling == "water" else row.rtd_ambient_degC
+            around = row.rtd_inlet_degC if self.cooling == "water" else row.rtd_ambient_degC
             springs = [t for t in (row.rtd_x_degC, row.rtd_y_degC) if t is not None]
             if around is None or max(springs) - around < within_K:
                 return True

@@ -1,8 +1,6 @@
 """Runs played again on a bench, each begun from the rest that the recorded one began from."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
 
 from smad.control.commands import DriveCurrent
 from smad.control.plan import Plan
@@ -11,9 +9,6 @@ from smad.experiments.live import LiveDriver
 from smad.experiments.rest import NEAR_K, NEAR_MM, Start, start_of_row
 from smad.progress import Say
 
-if TYPE_CHECKING:
-    from smad.client import Client
-
 STROKE_DEGC = 45.0
 STROKE_A = 2.5
 LONGEST_STROKE_S = 60.0
@@ -21,33 +16,24 @@ COLD_K = 1.0
 SETTLE_S = 1.0
 
 
+@dataclass(eq=False, kw_only=True)
 class RestFirstDriver(LiveDriver):
     """Brings the springs to a known rest before each run.
 
     `start` is the rest that the next run is to begin from; None: any cold one. With `strokes` each
     spring is heated once before, always in the same order, so that what the springs keep of earlier
     runs is the same every time; without, only when the bench is not at its start. `elsewhere` is
-    told when it does not come to its start; without it that is an error. `live`: see `LiveDriver`.
+    told when it does not come to its start; without it that is an error.
     """
 
-    def __init__(
-        self,
-        client: Client,
-        *,
-        start: Start | None = None,
-        strokes: bool = False,
-        elsewhere: Say | None = None,
-        **live: Any,
-    ) -> None:
-        super().__init__(client, **live)
-        self.start = start
-        self._strokes = strokes
-        self._elsewhere = elsewhere
+    start: Start | None = None
+    strokes: bool = False
+    elsewhere: Say | None = None
 
     def rest(self, plan: Plan) -> None:
         """Cool, make the strokes, and wait until the bench is where it was, or say why not."""
         self.cool(plan, COLD_K)
-        if self._strokes or self._away():
+        if self.strokes or self._away():
             self._stroke(
                 plan, DriveCurrent(i_y_A=STROKE_A, stop_spring="y", stop_above_degC=STROKE_DEGC)
             )
@@ -56,10 +42,8 @@ class RestFirstDriver(LiveDriver):
             )
         self.pause(plan, SETTLE_S)
         away = self._away()
-        if away and self._elsewhere is not None:
-            self._elsewhere(
-                f"{plan.name} starts from another state than the run it repeats: {away}"
-            )
+        if away and self.elsewhere is not None:
+            self.elsewhere(f"{plan.name} starts from another state than the run it repeats: {away}")
         elif away:
             raise ExperimentError(
                 f"run {plan.name}: the bench does not return to the state in which the recorded "

@@ -2,6 +2,7 @@
 
 import zlib
 from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 
 import msgspec
@@ -27,6 +28,7 @@ from smad.runlog.rows import row_of
 from smad.runlog.schema import Event, Record, Row
 
 
+@dataclass(eq=False)
 class VirtualDriver:
     """A simulated bench for each plan, fresh and at rest.
 
@@ -36,36 +38,34 @@ class VirtualDriver:
     has behind it at the next run, and has after it; `log` is where the last one was written.
     """
 
-    cycles = (0.0, 0.0)
-    log: Path | None = None
+    model: Model
+    _: KW_ONLY
+    config: Config = field(default_factory=Config)
+    seed: int = 0
+    lacking: frozenset[str] = frozenset()
+    folder: Path | None = None
+    progress: Say | None = None
+    cycles: tuple[float, float] = field(default=(0.0, 0.0), init=False)
+    log: Path | None = field(default=None, init=False)
 
-    def __init__(
-        self,
-        model: Model,
-        *,
-        config: Config | None = None,
-        seed: int = 0,
-        lacking: frozenset[str] = frozenset(),
-        folder: Path | None = None,
-        progress: Say | None = None,
-    ) -> None:
-        self._model = model
-        self._config = config or Config()
-        self._seed = seed
-        self._lacking = _known_parts(lacking)
-        self._folder = folder
-        self._progress = progress
+    def __post_init__(self) -> None:
+        if unknown := sorted(self.lacking - set(PARTS)):
+            raise ExperimentError(
+                "the simulated bench has no such part to remove",
+                value=", ".join(unknown),
+                action=instead(unknown[0], PARTS, f"they are {', '.join(PARTS)}"),
+            )
 
     def parts(self) -> frozenset[str]:
-        return frozenset(PARTS) - self._lacking
+        return frozenset(PARTS) - self.lacking
 
     def mounting(self) -> Mounting | None:
         return None
 
     def record(self, plan: Plan, action: str) -> Path:
         """As `run`, into a run log that is not there yet. Raises ExperimentError with `action`."""
-        assert self._folder is not None
-        if (path := log_path(self._folder, plan)).exists():
+        assert self.folder is not None
+        if (path := log_path(self.folder, plan)).exists():
             cause = "a run log of that name is there already"
             raise ExperimentError(cause, value=str(path), action=action)
         self.run(plan)
@@ -76,11 +76,11 @@ class VirtualDriver:
         from sim_device.plant.errors import PlantError
         from smad.runlog.paths import make_folder
 
-        if self._folder is not None:
+        if self.folder is not None:
             # First, since nobody wants to be told after minutes of simulation.
-            make_folder(self._folder)
+            make_folder(self.folder)
 
-        seed = (self._seed + zlib.crc32(plan.name.encode())) & 0xFFFF_FFFF
+        seed = (self.seed + zlib.crc32(plan.name.encode())) & 0xFFFF_FFFF
         rows: list[Row] = []
         pump_starts = PumpStarts()
 
@@ -100,23 +100,23 @@ class VirtualDriver:
             )
 
         def tell(board_time_s: float) -> None:
-            if self._progress is not None and int(board_time_s) % 20 == 0:
-                self._progress(f"{plan.name}: {board_time_s:.0f} s of board time")
+            if self.progress is not None and int(board_time_s) % 20 == 0:
+                self.progress(f"{plan.name}: {board_time_s:.0f} s of board time")
 
-        controller = Controller(self._config.control, self._config.limits)
+        controller = Controller(self.config.control, self.config.limits)
         try:
             bench = SimulatedBench(
-                **self._model.physics,
+                **self.model.physics,
                 fixture=plan.fixture,
                 cooling=plan.cooling,
-                rate_hz=self._config.link.rate_hz,
+                rate_hz=self.config.link.rate_hz,
                 seed=seed,
             )
             bench.plant.cycles = self.cycles
             done = run_virtual(bench, controller, plan, recorder=record, progress=tell)
             self.cycles = bench.plant.cycles
         except PlanError as error:
-            if self._folder is not None:
+            if self.folder is not None:
                 self._write(plan, rows, {}, seed)
             kind = TrippedError if isinstance(error, BenchStoppedError) else ExperimentError
             raise kind(f"run {plan.name}: {error.cause}", **error.parts) from None
@@ -125,7 +125,7 @@ class VirtualDriver:
                 f"run {plan.name}: the simulated bench gave up: {error}",
                 action="check the parameter file and the effects",
             ) from None
-        if self._folder is not None:
+        if self.folder is not None:
             self._write(plan, rows, done.marks, seed)
         if controller.departure is not None:
             raise EndedEarlyError(
@@ -139,18 +139,18 @@ class VirtualDriver:
         from smad.runlog.header import RunHeader, installed_versions
         from smad.runlog.writer import write_run
 
-        assert self._folder is not None
-        path = log_path(self._folder, plan)
+        assert self.folder is not None
+        path = log_path(self.folder, plan)
         path.unlink(missing_ok=True)
         self.log = path
         header = RunHeader(
             source="sim",
             name=log_name(plan),
-            rate_hz=float(self._config.link.rate_hz),
+            rate_hz=float(self.config.link.rate_hz),
             seed=seed,
             repeats=plan.repeats,
-            configuration=config_to_toml(self._config),
-            parameter_file=parameters_text(self._model.parameters),
+            configuration=config_to_toml(self.config),
+            parameter_file=parameters_text(self.model.parameters),
             versions=installed_versions(),
             extra={"plan": msgspec.json.encode([repr(action) for action in plan.actions]).decode()},
         )
@@ -159,17 +159,6 @@ class VirtualDriver:
         ]
         records: list[Record] = [*rows, *events]
         write_run(path, header, records)
-
-
-def _known_parts(lacking: frozenset[str]) -> frozenset[str]:
-    unknown = sorted(lacking - set(PARTS))
-    if unknown:
-        raise ExperimentError(
-            "the simulated bench has no such part to remove",
-            value=", ".join(unknown),
-            action=instead(unknown[0], PARTS, f"they are {', '.join(PARTS)}"),
-        )
-    return lacking
 
 
 MARK = "mark "
