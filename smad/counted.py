@@ -1,7 +1,5 @@
 """A number of things, or the first of them, in words."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 

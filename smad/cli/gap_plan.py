@@ -1,7 +1,5 @@
 """`smad gap plan`: what runs with given inputs could show, asked before a bench is heated."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """`smad health`: the record of a bench, its trends, and what they will come to."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`smad log`: look at run logs, and turn them into other files and back."""
 
-from __future__ import annotations
-
 import os
 import shlex
 from pathlib import Path

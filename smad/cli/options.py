@@ -11,8 +11,6 @@ Several that belong together are the fields of a dataclass, and `together(Simula
 of the parameter that takes it.
 """
 
-from __future__ import annotations
-
 import inspect
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence

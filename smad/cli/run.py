@@ -1,7 +1,5 @@
 """`smad run`: the experiments of the paper, in virtual time or on a running daemon."""
 
-from __future__ import annotations
-
 import importlib
 from pathlib import Path
 from typing import Any

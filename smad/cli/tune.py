@@ -1,7 +1,5 @@
 """`smad tune`: gains for this very bench, by a short experiment on it."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

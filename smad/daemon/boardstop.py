@@ -4,8 +4,6 @@ What is known of it is a phase in `smad.daemon.arming`; here is what moves it on
 replies and samples, and the time in which its own watchdog must have acted.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 

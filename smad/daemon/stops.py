@@ -6,8 +6,6 @@ and no axis is armed. What is known of each axis is in `smad.daemon.arming`; wha
 board is in `smad.daemon.boardstop`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import Any

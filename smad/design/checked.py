@@ -3,8 +3,6 @@
 Inside the ranges are set A's springs and those of docs/physics.md that the plant comes near to.
 """
 
-from __future__ import annotations
-
 import math
 
 from sim_device.plant.geometry import (

@@ -5,8 +5,6 @@ until it is martensite; then the other. After a first cycle from rest the second
 Control that heats one spring while the other still cools is faster and pulls harder.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass

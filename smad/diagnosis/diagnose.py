@@ -1,7 +1,5 @@
 """Where a plant's model and runs disagree, or what is new since good runs: places with laws."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 

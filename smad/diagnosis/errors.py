@@ -1,7 +1,5 @@
 """The errors of the diagnosis. Each names the cause, the value, the limit and what to do next."""
 
-from __future__ import annotations
-
 from smad.errors import SmadError
 
 

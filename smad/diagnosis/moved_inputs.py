@@ -6,8 +6,6 @@ was added to is fitted again, to the runs with all inputs moved by a row. If tha
 every rival of the step, the record is in doubt rather than the simulator.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which experiment of the catalogue separates the rivals that remain."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations

@@ -4,8 +4,6 @@ Anything that satisfies `PlantModel` can be diagnosed. No module of the engine k
 channel, a parameter or an effect.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

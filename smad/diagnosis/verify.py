@@ -1,7 +1,5 @@
 """The gap of new runs with the nominal and an improved model: only drifts of a run are fitted."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from smad.diagnosis.answer import signal_gaps

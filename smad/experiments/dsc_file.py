@@ -10,8 +10,6 @@ Heat flow into the sample counts positive (endothermic up). `baseline_mW`, the s
 empty pan, is optional; without it there is no heat capacity.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 from dataclasses import dataclass

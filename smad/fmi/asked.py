@@ -1,7 +1,5 @@
 """The diagnosis of a unit: its map and its runs make a declared simulator."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

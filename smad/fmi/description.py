@@ -1,7 +1,5 @@
 """modelDescription.xml of the exported unit, for FMI 2.0 and 3.0, and where its sources lie."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement

@@ -1,7 +1,5 @@
 """The errors of what goes out to FMI and comes in from it."""
 
-from __future__ import annotations
-
 from smad.errors import SmadError
 
 

@@ -4,8 +4,6 @@ is.
 The importing machine needs neither Python nor smad. docs/decisions/0912 compares the ways.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import platform

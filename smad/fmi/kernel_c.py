@@ -1,7 +1,5 @@
 """The C source of one plant: the kernel, and the numbers of a model file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 python -m smad.fmi.library     compile it beside its source, where a C compiler is
 """
 
-from __future__ import annotations
-
 import inspect
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A unit of FMI as a function of time, inputs, values and start (`declare.Replay`)."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import shutil

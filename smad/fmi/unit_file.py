@@ -1,7 +1,5 @@
 """A unit of FMI as a file: what it is said to be, and its parts on disk, read within bounds."""
 
-from __future__ import annotations
-
 import re
 import zipfile
 import zlib

@@ -1,7 +1,5 @@
 """The one table of the variables that the exported unit has, and the units they are in."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi

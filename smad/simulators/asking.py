@@ -1,7 +1,5 @@
 """The diagnosis of a simulator that is not ours: bind it to its runs, choose windows, ask."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

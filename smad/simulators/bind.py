@@ -1,7 +1,5 @@
 """A declared simulator and the runs it is asked about: what the records say of its signals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """One call of a declared function: what it is given, and whether what it returns can be used."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 

@@ -1,7 +1,5 @@
 """What is asked of a function before it is trusted with a diagnosis."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """A simulator as its author declares it: a function, its parameters, what may be missing."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The errors of simulators that are not ours."""
 
-from __future__ import annotations
-
 from smad.errors import SmadError
 
 

@@ -1,7 +1,5 @@
 """How long a diagnosis takes, said before it begins, and in how many processes it replays."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

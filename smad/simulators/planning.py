@@ -1,7 +1,5 @@
 """The rating of a simulator that is not ours, from a file of inputs that were not yet played."""
 
-from __future__ import annotations
-
 import time
 from collections import defaultdict
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A declared simulator with its runs, as a plant of the diagnosis, and its places."""
 
-from __future__ import annotations
-
 import contextlib
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -4,8 +4,6 @@ They are forked from this one, so that a function of a notebook, or one made ins
 no module of its own.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import warnings

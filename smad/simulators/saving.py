@@ -1,7 +1,5 @@
 """A better model as text (TOML): parameters, effects, laws, and what is uncertain of them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict

@@ -3,8 +3,6 @@
 Each effect has one strength. At 0 the signal passes unchanged, to the last bit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import NamedTuple
 

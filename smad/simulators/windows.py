@@ -4,8 +4,6 @@ Multiple shooting (Bock and Plitt 1984): a run that is only predictable for a wh
 windows that begin from its readings. Between windows nothing is fitted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Queries that the server answers itself: the past, the runs, the forms, and the one job."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Sequence
 from pathlib import Path

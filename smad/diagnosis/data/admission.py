@@ -6,8 +6,6 @@ must fulfil its contract (`contract`), and the nominal model is compared (`opini
 is a finding, which the JSON, the terminal and the page share.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -3,8 +3,6 @@
 A run comes with NaN where nothing was recorded. Nothing here uses a model.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace

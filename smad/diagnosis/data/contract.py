@@ -1,7 +1,5 @@
 """The contract of a plant, checked with one run: members, shapes, and no state between calls."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -6,8 +6,6 @@ if undoing it brings a signal from far off to near its prediction. The model its
 so this refuses no run.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

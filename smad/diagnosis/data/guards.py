@@ -4,8 +4,6 @@ A recording is recognised by its samples, not by its name: a renamed copy, or on
 rounding, is the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

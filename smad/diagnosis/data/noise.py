@@ -4,8 +4,6 @@ It is estimated from the measurement and from the simulator's residual. Motion t
 either adds to the estimate, so the smaller of both counts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ follows the other's prediction. `--trust RUN` overrides that, and keeps channels
 out.
 """
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Mapping
 from dataclasses import replace

@@ -4,8 +4,6 @@ A row is the mean of the samples of one bin. A row with lost samples counts only
 compared with a prediction of the same samples (`partly`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """A damped step of least squares within bounds."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from smad.diagnosis.plant import Array

@@ -8,8 +8,6 @@ Rows r (n,) are explained by responses A (k, n) with coefficients x (k,): r ≈ 
 and its gain on held-out rows follow from AAᵀ and Ar of each fold.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 Not scipy's own, because `scipy.signal` takes a second to import, in every command of `smad gap`.
 """
 
-from __future__ import annotations
-
 from itertools import accumulate
 
 import numpy as np

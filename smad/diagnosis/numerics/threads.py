@@ -4,8 +4,6 @@ The number of BLAS threads decides the order of additions, and so the last digit
 loaded machine its threads also wait for each other: the same work took ten times as long.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import wraps

@@ -1,7 +1,5 @@
 """The paired residual: (measured now − predicted now) − (measured then − predicted then)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar

@@ -5,8 +5,6 @@ rest gives a standard deviation for each channel and regime, and a correlation f
 each channel. A regime with few rows is shrunk towards the channel's mean over regimes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

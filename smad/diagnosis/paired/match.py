@@ -1,7 +1,5 @@
 """Which runs have the same inputs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 

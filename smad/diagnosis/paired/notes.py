@@ -1,7 +1,5 @@
 """Notes on a comparison with good runs: what was compared, with which model, what weakens it."""
 
-from __future__ import annotations
-
 from smad.diagnosis.paired.difference import PairedRuns
 from smad.diagnosis.paired.good import GoodRun
 

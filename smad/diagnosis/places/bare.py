@@ -4,8 +4,6 @@ A law at a reading adds to a channel, one at an input to what the plant is given
 those of any plant: inputs, predicted channels, their rates, and time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial

@@ -4,8 +4,6 @@ Optional for a plant: one without places gets its readings and inputs as places
 (`smad.diagnosis.places.bare`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable

@@ -5,8 +5,6 @@ that responses are linear in a law's coefficients. At a reading the forcing adds
 one replay gives the response to all terms; elsewhere each term costs a replay.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial

@@ -3,8 +3,6 @@
 A file that cannot be written keeps no other from being written: an answer takes minutes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

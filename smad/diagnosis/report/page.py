@@ -1,7 +1,5 @@
 """An answer as one HTML page: headline, rivals and one figure; laws below; the rest on demand."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -4,8 +4,6 @@ The headline first, then the table of rivals, what it is and where, and where th
 shows the same, and more on demand.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import shlex

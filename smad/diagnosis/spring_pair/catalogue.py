@@ -5,8 +5,6 @@ benchmarks. Every timeline stays within the host's limits: at most 4 A,
 springs below 65 °C in the model, ±9 mm.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """The diagnosis of runs of files."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

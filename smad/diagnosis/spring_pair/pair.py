@@ -1,7 +1,5 @@
 """The antagonistic spring pair as a plant of the diagnosis: an adapter of `sim_device.plant`."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields

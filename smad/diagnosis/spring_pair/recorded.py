@@ -1,7 +1,5 @@
 """Runs of the simulated spring pair in virtual time, through controller, sensors and quanta."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sim_device.plant import Drive, Plant

@@ -4,8 +4,6 @@ A fit replays a run thousands of times, and a point on every run. What depends o
 point alone is computed once (`GivenRun`, `GivenPoint`) and cached.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

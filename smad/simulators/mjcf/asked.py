@@ -1,7 +1,5 @@
 """The diagnosis of a MuJoCo model: its map and its runs make a declared simulator, and a file."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import replace

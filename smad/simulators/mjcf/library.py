@@ -1,7 +1,5 @@
 """What a MuJoCo model may lack: effects of joints and bodies, with sizes that suit the model."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

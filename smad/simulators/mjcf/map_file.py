@@ -1,7 +1,5 @@
 """The map file of a MuJoCo model (TOML): which column is which part, what may be refitted."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """A MuJoCo model as a function of time, inputs, values and start (`declare.Replay`)."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import contextmanager

@@ -3,8 +3,6 @@
 A field is written in the compiled model for a replay, and in the specification for a file.
 """
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
