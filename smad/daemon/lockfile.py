@@ -1,4 +1,4 @@
-"""Lock files: one daemon to a port, one daemon to a bench name.
+"""Lock files: one daemon to a port, one daemon to a bench name, one runner to a queue.
 
 The kernel drops an flock with its process, so nothing is left over after a crash; the file itself
 stays, and says who holds it.
@@ -9,27 +9,32 @@ import fcntl
 import os
 from pathlib import Path
 
-from smad.errors import DaemonError, refused_by_system
+from smad.errors import DaemonError, SmadError, refused_by_system
 
 _SHARED_FOLDERS = (Path("/run/lock"), Path("/var/lock"))
 
 
 class LockFile:
-    """An exclusive flock on a file, held until `release()` or the end of the process."""
+    """An exclusive flock on a file, held until `release()` or the end of the process.
+
+    A process that inherits its `descriptor` (-1: not held) holds it, too.
+    """
+
+    error: type[SmadError] = DaemonError
 
     def __init__(self, path: Path, mode: int = 0o666) -> None:
         self.path = path
         self._mode = mode
-        self._fd: int | None = None
+        self.descriptor = -1
 
     def acquire(self) -> None:
         """Take the lock at once or not at all.
 
         Raises `BlockingIOError` when another process holds it (`holder()` says which), and
-        `DaemonError` when the file cannot be used.
+        `error` when the file cannot be used.
         """
         action = "check the folder's permissions, or remove a stale file"
-        with refused_by_system(DaemonError, f"cannot use the lock file {self.path}", action=action):
+        with refused_by_system(self.error, f"cannot use the lock file {self.path}", action=action):
             fd = _open(self.path, self._mode)
         try:
             fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -39,33 +44,38 @@ class LockFile:
         with contextlib.suppress(OSError):
             os.ftruncate(fd, 0)
             os.pwrite(fd, f"{os.getpid()}\n".encode(), 0)
-        self._fd = fd
+        self.descriptor = fd
 
     def take_again(self) -> None:
         """Take the lock on the file that has the name now; the old one was deleted or moved.
 
         Raises as `acquire` does, and holds the old one then.
         """
-        before, self._fd = self._fd, None
+        before, self.descriptor = self.descriptor, -1
         try:
             self.acquire()
         except BaseException:
-            self._fd = before
+            self.descriptor = before
             raise
-        if before is not None:
+        if before >= 0:
             os.close(before)
 
     def holder(self) -> str:
         """Return who wrote the file last, as `process 123`, for a message."""
+        process = self.process()
+        return f"process {process}" if process else "another process"
+
+    def process(self) -> int:
+        """Return the number of the process that wrote the file last; 0 when nobody did."""
         with contextlib.suppress(OSError, ValueError):
-            return f"process {int(self.path.read_text().strip())}"
-        return "another process"
+            return int(self.path.read_text())
+        return 0
 
     def release(self) -> None:
         """Give the lock back; does nothing when it is not held."""
-        if self._fd is not None:
-            os.close(self._fd)
-            self._fd = None
+        if self.descriptor >= 0:
+            os.close(self.descriptor)
+            self.descriptor = -1
 
 
 def port_lock(device: int) -> LockFile:

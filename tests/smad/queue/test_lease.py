@@ -51,7 +51,7 @@ def test_an_orphan_that_has_the_lock_keeps_a_new_runner_waiting(tmp_path: Path) 
     dies, now_s = True, 0.0
     second = RunnerLease(tmp_path)
     second.acquire(sleep=sleep, clock_s=lambda: now_s)
-    assert second.holder() == os.getpid()
+    assert second.process() == os.getpid()
 
 
 def process(folder: Path, code: str) -> ItemProcess:
