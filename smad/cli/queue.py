@@ -210,7 +210,7 @@ def run(
     """
     from smad.cli.queue_items import obstacle_of
     from smad.client.signals import ended_by_signals
-    from smad.queue.running import run_queue
+    from smad.queue.runner import run_queue
 
     with ended_by_signals():
         run_queue(opened, check=obstacle_of, say=note, until_paused=until_paused)

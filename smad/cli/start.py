@@ -42,7 +42,7 @@ def start(
     from smad.daemon.link.openers import serial_openers, socket_openers
     from smad.daemon.process import Options
     from smad.daemon.trace import Trace
-    from smad.processes.simulated_board import simulated_board
+    from smad.processes.simulator import simulated_board
 
     serial = {name: v for name, v in {"--port": port, "--baud": baud}.items() if v is not None}
     if not simulated:

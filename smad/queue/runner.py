@@ -1,6 +1,7 @@
 """The one process that carries a queue out: looks, lets the machine decide, writes, then acts."""
 
 import contextlib
+import functools
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,10 +12,13 @@ from smad.progress import Say, silent
 from smad.queue import machine
 from smad.queue.bench import BenchSnapshot, BenchWatch
 from smad.queue.errors import QueueError, StoreError
+from smad.queue.lease import RunnerLease
 from smad.queue.machine import Change, EndItem, Obstacle, PostMessage, StartItem
-from smad.queue.process import ItemProcess
+from smad.queue.process import ItemProcess, begin_item
+from smad.queue.queue import Queue
 from smad.queue.states import Item, Snapshot, State, Usage
 from smad.queue.store import Store
+from smad.queue.words import clock, state_in_words
 from smad.runlog.open_logs import being_written
 from smad.runlog.paths import SUFFIX
 from smad.runlog.recover import recover, recovered_path
@@ -300,3 +304,34 @@ class Runner:
                 self._parts.say(f"run log {path}: {error}")
             return
         self._parts.say(f"run log {path}: recovered to {recovery.path}")
+
+
+def run_queue(
+    opened: Queue, *, check: Callable[[Item], Obstacle | None], say: Say, until_paused: bool
+) -> None:
+    """Carry a queue out, for ever or until it pauses. Raises QueueError where another does.
+
+    `say` is told what happens, and when.
+    """
+
+    def stamped(text: str) -> None:
+        say(f"{clock(time.time())}  {text}")
+
+    lease = RunnerLease(opened.folder)
+    lease.acquire()
+    watch = BenchWatch(opened.bench, clock_s=time.monotonic)
+    start = functools.partial(
+        begin_item,
+        folder=opened.folder.resolve(),
+        bench=opened.bench,
+        descriptor=lease.descriptor,
+    )
+    runner = Runner(opened.store, RunnerParts(watch=watch, start=start, check=check, say=stamped))
+    try:
+        runner.begin()
+        stamped(f"runner of {opened.folder}: {state_in_words(opened.snapshot(), runner=True)}")
+        runner.run(until_paused=until_paused)
+    finally:
+        runner.close()
+        watch.close()
+        lease.release()

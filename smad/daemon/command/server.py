@@ -20,7 +20,6 @@ from smad.api import LARGEST_MESSAGE, LARGEST_TAKEN_IN, Reason
 from smad.client.endpoints import Endpoints
 from smad.config import DaemonConfig
 from smad.daemon.command.auth import KeyAuthenticator, server_keys
-from smad.daemon.command.budget import TimeBudget
 from smad.daemon.command.remote import RemoteCounts, Routes, Socket, Source, TcpServer
 from smad.daemon.command.rpc import error_reply
 from smad.daemon.errors import Refusal
@@ -29,6 +28,34 @@ from smad.daemon.sockets.descriptors import OPENED_LATER, Reserve, Shares, open_
 from smad.daemon.sockets.listener import Connection, Hooks, Listener, Terms
 from smad.daemon.sockets.zmtp import Broken, TooLong, encoded
 from smad.errors import DaemonError, refused_by_system
+
+
+class TimeBudget:
+    """Fills with `share` of the passing time, up to `burst_ns`; the loop's work empties it.
+
+    When it is empty, `delay_ns` says how long to wait before the next command: at most `most_ns`,
+    so that commands are served, slowly, even if the rest of the loop needs more than the share.
+    """
+
+    def __init__(self, share: float, burst_ns: int, most_ns: int) -> None:
+        self.share = share
+        self.burst_ns = burst_ns
+        self.most_ns = most_ns
+        self._left_ns = float(burst_ns)
+        self._seen: tuple[int, int] | None = None
+
+    def look(self, now_ns: int, worked_ns: int) -> None:
+        """Take in the time, and the processor time that the loop has used up to it."""
+        if self._seen is not None:
+            gained_ns = (now_ns - self._seen[0]) * self.share - (worked_ns - self._seen[1])
+            floor_ns = -self.most_ns * self.share
+            self._left_ns = min(max(self._left_ns + gained_ns, floor_ns), float(self.burst_ns))
+        self._seen = now_ns, worked_ns
+
+    def delay_ns(self) -> int:
+        """Return how long to wait until the budget is positive again; 0 when it is now."""
+        return 0 if self._left_ns > 0 else int(-self._left_ns / self.share) + 1
+
 
 COMMAND_SHARE = 0.5
 COMMAND_BURST_NS = 5_000_000

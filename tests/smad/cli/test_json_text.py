@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from smad.cli.json_text import json_text
+from smad.cli.output import json_text
 
 
 @pytest.mark.parametrize("indent", [-1, 2])

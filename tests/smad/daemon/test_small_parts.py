@@ -16,8 +16,8 @@ from firmware_protocol.messages import NO_FIELD, Error
 from firmware_protocol.rates import USUAL_BAUDS, USUAL_RATES_HZ
 from smad import daemon
 from smad.config import Config, with_changes, without_realtime
-from smad.daemon.command.budget import TimeBudget
 from smad.daemon.command.lease import DeadMan, Lease
+from smad.daemon.command.server import TimeBudget
 from smad.daemon.errors import Refusal
 from smad.daemon.histogram import Histogram
 from smad.daemon.journal import Journal
