@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from bench.cold_start import build_wheel
-from smad.cli import pages
+from smad.cli import docs as pages
 from smad.errors import SmadError
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -16,7 +16,7 @@ from evaluation.plant.effects import magnitudes
 from evaluation.plant.kernel import simulate
 from evaluation.plant.parameters import Bench
 from sim_device.plant.draws import draw_between
-from smad.envs.models import model_of
+from smad.envs.episodes import model_of
 from smad.envs.pair import observation_space
 from smad.envs.search import START, Search, act, tracking_error_mm
 

@@ -15,7 +15,7 @@ from sim_device.plant.models import Model, read_model, save_model, write_model
 from smad.cli import execute
 from smad.config import Config
 from smad.diagnosis.spring_pair import SmaPlant
-from smad.envs.models import Source
+from smad.envs.episodes import Source
 from smad.experiments.campaign import CampaignBench
 from smad.experiments.errors import ExperimentError
 from smad.experiments.virtual import VirtualDriver
