@@ -26,8 +26,9 @@ from smad.diagnosis.plant import (
     traits_of,
 )
 from smad.diagnosis.rivals.changes import Changes
+from smad.diagnosis.rivals.convergence import fit_from_several
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, Trial
-from smad.diagnosis.rivals.fit import fit_from_several, reference_at
+from smad.diagnosis.rivals.fit import reference_at
 from smad.diagnosis.rivals.rival import question_of, with_tempered_prior
 from smad.diagnosis.rivals.search import run_search
 from smad.diagnosis.runs import GapRun, bridged

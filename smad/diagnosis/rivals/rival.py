@@ -21,12 +21,12 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
+from smad.diagnosis.rivals.convergence import fit_to_end
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, form_sd_of, without_drifts
 from smad.diagnosis.rivals.fit import (
     Fit,
     Reference,
     fit,
-    fit_to_end,
     leave_out,
     reference_of,
     replayed,
