@@ -189,7 +189,7 @@ class Search:
             more = nearer = [r for r in nearer if self.question.gap(r) < gap]
         missing = sum(r.probability for r in more) > _LIKELIER
         if nearer and (missing or (sure and nearer[0].probability > same[0].probability)):
-            return _effect_in_place_of_law(nearer[0], ranked)
+            return _effect_in_place_of_law(nearer)
         return same[0] if same[0].kind == PARAMETERS and not self.moved else None
 
     def _refit_without_part(self, rival: Rival, beside: Rival) -> Rival:
@@ -394,9 +394,12 @@ def _halfway_starts(
                 yield part, np.r_[0.5 * (base.x + x[:k]), part.weaker(x[k:], 0.5)]
 
 
-def _effect_in_place_of_law(rival: Rival, ranked: Sequence[Rival]) -> Rival:
-    """The rival, or in place of a law the likeliest effect there whose score is as good."""
-    if rival.kind != LAW:
-        return rival
-    effects = (r for r in ranked if r.kind == EFFECT and set(r.places) & set(rival.places))
-    return next((r for r in effects if r.scores.sum() >= rival.scores.sum()), rival)
+def _effect_in_place_of_law(may_enter: Sequence[Rival]) -> Rival:
+    """The first of rivals that may enter; of a law, the likeliest of these effects there whose
+    score is as good.
+    """
+    first, *others = may_enter
+    if first.kind != LAW:
+        return first
+    effects = (r for r in others if r.kind == EFFECT and set(r.places) & set(first.places))
+    return next((r for r in effects if r.scores.sum() >= first.scores.sum()), first)
