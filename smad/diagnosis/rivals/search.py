@@ -307,6 +307,9 @@ class Search:
                 self.final = both
                 return
         self.final = alone
+        # Later rivals were fitted beside the parts that are withdrawn.
+        first = self._of_parts()[0]
+        self.steps[first:] = [replace(self.steps[first], entered=None)]
 
     def _without(self, fitted: Fit, order: Sequence[int]) -> Fit | None:
         """The model with only the parts in `order`, fitted again."""

@@ -15,7 +15,7 @@ from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import EffectPart, Model
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
-from smad.diagnosis.rivals.search import Search, _halfway_starts
+from smad.diagnosis.rivals.search import Search, Step, _halfway_starts
 from smad.diagnosis.spring_pair import SmaPlant
 
 
@@ -179,6 +179,29 @@ def test_an_effect_enters_in_place_of_a_law_only_where_it_may_enter_itself(
     entered = Search._choose(cast(Any, search), [law, effect, nothing])
     assert entered is not None
     assert entered.kind == enters
+
+
+def test_where_parts_are_withdrawn_the_last_table_is_that_of_rivals_beside_no_part() -> None:
+    alone, lag = leaving(PARAMETERS, 5.0), leaving(EFFECT, 9.0)
+    search = SimpleNamespace(
+        question=SimpleNamespace(gap=floors_left, at_floor=lambda rival: False),
+        parameters=alone,
+        final=lag,
+        parts=("rtd_lag", "driver_gain"),
+        moved=True,
+        steps=[
+            Step(rivals=(leaving(NOTHING, 30.0),), entered=alone),
+            Step(rivals=(lag, alone), entered=lag),
+            Step(rivals=(leaving(NOTHING, 8.0),), entered=leaving(EFFECT, 8.0)),
+        ],
+        _of_parts=lambda: [1, 2],
+    )
+    Search.compare_with_parameters(cast(Any, search))
+    assert search.final is alone
+    *_, last = search.steps
+    assert len(search.steps) == 2
+    assert last.rivals == (lag, alone)
+    assert last.entered is None
 
 
 def test_a_fit_keeps_its_coordinates_where_its_parts_change_places() -> None:
