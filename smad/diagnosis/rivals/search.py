@@ -76,7 +76,8 @@ class Search:
     `final` with everything that entered. `moved`: fitted parameters have entered; they are free
     from then on and tied before. `changes` by effects are at the `nominal` simulator; `responses`
     of laws are computed when first needed. `free` is `final` with free parameters, once fitted.
-    `imitated_effects` are the best effects of the step in which fitted parameters entered.
+    `imitated_effects` are the best effects of the step in which fitted parameters entered;
+    `withdrawn` are parts that leave more than parameters alone.
     """
 
     question: Question
@@ -92,6 +93,7 @@ class Search:
     laws: bool
     free: Rival | None = None
     imitated_effects: tuple[Rival, ...] = ()
+    withdrawn: tuple[Part, ...] = ()
 
     @classmethod
     def start(cls, question: Question, exchange: bool, laws: bool) -> Search:
@@ -306,7 +308,7 @@ class Search:
             if question.ranked([both, again])[0].has_part:
                 self.final = both
                 return
-        self.final = alone
+        self.final, self.withdrawn = alone, self.parts
         # Later rivals were fitted beside the parts that are withdrawn.
         first = self._of_parts()[0]
         self.steps[first:] = [replace(self.steps[first], entered=None)]
