@@ -38,6 +38,8 @@ _CLOCK_SD_S = 0.004
 _CARRIED_SD = 0.4
 """Relative error of a difference that the model carries over, before good runs measure it: that of
 a day direction (`numerics.white`)."""
+_LEAST_SHARE = 1e-6
+"""Of a channel's range, where neither noise nor quantum is declared."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,8 +111,13 @@ class GoodRuns:
 
 
 def least_sd(plant: PlantModel) -> Array:
-    """The smallest standard deviation of a row that is believed, (channels,)."""
-    return np.array([max(c.quantum / 12**0.5, 0.5 * c.noise) for c in plant.channels])
+    """The smallest standard deviation of a row that is believed, (channels,); never 0."""
+    return np.array(
+        [
+            max(c.quantum / 12**0.5, 0.5 * c.noise) or _LEAST_SHARE * (c.high - c.low)
+            for c in plant.channels
+        ]
+    )
 
 
 def carried(
