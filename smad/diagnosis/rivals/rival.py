@@ -424,9 +424,10 @@ def day_variance(plant: PlantModel) -> Array:
 
 
 def cannot_replay(question: Question) -> GapError:
-    """The error of a model that gives no numbers for the runs."""
+    """The error of a model that gives no numbers for some of the runs."""
+    held_out = question.held_out.played if question.held_out else []
     return GapError(
         "the model cannot replay these runs",
-        value=", ".join(p.whole.name for p in question.evidence.played),
+        value=", ".join(p.whole.name for p in (*question.evidence.played, *held_out)),
         action="leave them out, or correct the model where it stops",
     )
