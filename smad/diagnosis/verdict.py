@@ -223,7 +223,7 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def rival(self) -> RivalGap | None:
-        """Its row in the table of rivals; None where it came in exchange for another one."""
+        """Its row in the table of rivals; None where the table lacks it."""
         name = self.name or self.place
         return next((r for r in self.rivals if r.kind == self.kind and r.name == name), None)
 

@@ -4,11 +4,11 @@ Minimises, over the coordinates x of a model,
 
     F(x) = Σ_c n_c/τ · log(v_c(x) + 1) + (x − m)ᵀ P (x − m),
 
-where v_c is the mean square of the n_c rows of channel c, in floors, τ their correlation time, m
-and P the mean and the precision of the prior.
+where v_c is the mean square of the n_c rows of channel c, in floors and less the drifts, τ their
+correlation time, m and P the mean and the precision of the prior.
 A channel weighs the less the larger its residual is, so that no single channel decides the fit.
-Damped Gauss–Newton steps minimise F. The fit ends when no damping lowers F, or when a round lowers
-it by less than `_ENOUGH`.
+Damped Gauss–Newton steps minimise F. The fit ends when no damping lowers F, when a round lowers it
+by less than `_ENOUGH`, or after `_ROUNDS`.
 """
 
 from __future__ import annotations
@@ -300,7 +300,7 @@ def fit(
     offset: float = 1.0,
     exact: bool = False,
 ) -> Fit | None:
-    """Fit a model from `start` until a round lowers F by less than `enough`.
+    """Fit a model from `start` until a round lowers F by less than `enough`, or so many `rounds`.
 
     Return None where the model fails at `start`. `offset` stands for 1 in log(v_c + 1): channels
     with a mean square below it weigh alike, and a larger one leads past local minima in which one

@@ -1,7 +1,7 @@
 """A rival (a fitted hypothesis), and the question that it answers.
 
-A rival is judged by its residual on rows that it was not fitted to: runs held out, or each fold in
-turn, replayed as recorded.
+A rival is judged by its residual on rows that it was not fitted to: runs held out, replayed as
+recorded, or each fold in turn, replayed as in the fit.
 """
 
 from __future__ import annotations
@@ -235,7 +235,8 @@ class Question:
         """Which rivals have a gap above `quiet_gap` while another one has not.
 
         Where floors include model error, κ is too small to refute a simulator by its score.
-        Elsewhere a rival with a part, or a simulator that has one already, may be nearly right.
+        Elsewhere a rival with a new part may be nearly right, and is not refuted; where a part has
+        entered beside tied parameters, none is.
         """
         above = [self.gap(r) > self.quiet_gap for r in rivals]
         if all(above) or self.form_sd:

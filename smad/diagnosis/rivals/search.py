@@ -2,8 +2,8 @@
 
 The rivals of a step are: nothing more, an effect of the library, a law at a place. Each is fitted
 together with the parameters and the parts that have entered, and scored on rows that it was not
-fitted to. The likeliest enters if it is likelier than nothing more and has a better score. Then
-each earlier part is exchanged for a better one, the others kept.
+fitted to. If something is more likely missing than not, the likeliest with a better score enters.
+Then each earlier part may be exchanged for a better one, the others kept.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Step:
 def run_search(
     question: Question, *, most: int = MOST_CAUSES, exchange: bool = True, laws: bool = True
 ) -> Search:
-    """Take steps until nothing more is likeliest, or `most` parts have entered.
+    """Take steps until nothing enters, all is at the floor, or `most` parts have entered.
 
     `exchange`: after each step earlier parts may be exchanged. `laws`: parts may be laws. Raises
     GapError where the model cannot replay the runs.

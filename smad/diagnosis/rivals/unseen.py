@@ -1,7 +1,7 @@
 """Detection limits: the least strength at which these runs would have shown each effect.
 
 An effect of strength s adds s²·a_c to the mean square of channel c, with the parameters
-marginalised. It is detected once that costs a model without it as much score as the effect's prior.
+marginalised. It is detected once that costs a model without it the log prior odds against it.
 """
 
 from __future__ import annotations
