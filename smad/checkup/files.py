@@ -168,24 +168,23 @@ def match(plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile]) ->
 
 
 def require_other_recordings(good: Sequence[RunFile], now: Sequence[RunFile]) -> None:
-    """Raises PairingError when a run of now is one of the good ones, or a good one is there twice.
+    """Raises PairingError when a run of now is one of the good ones, or a run is there twice.
 
     A copy under another name, or written by another exporter, is the same recording.
     """
-    earlier: list[RunFile] = []
-    for role, runs in (("good", good), ("now", now)):
-        for run in runs:
-            same = next((k for k in earlier if same_recording(k.run, run.run)), None)
-            if same is not None:
-                linked = run.path.resolve() == same.path.resolve()
-                raise PairingError(
-                    f"{run.path} is the same recording as {same.path}"
-                    + (": one is a link to the other" if linked else ""),
-                    action="give runs of now that are not among the good ones"
-                    if role == "now"
-                    else "leave one out: a copy does not show how a bench varies",
-                )
-            earlier += [run] if role == "good" else []
+    runs = [*good, *now]
+    for k, run in enumerate(runs):
+        same = next((i for i in range(k) if same_recording(runs[i].run, run.run)), None)
+        if same is not None:
+            path = runs[same].path
+            linked = run.path.resolve() == path.resolve()
+            raise PairingError(
+                f"{run.path} is the same recording as {path}"
+                + (": one is a link to the other" if linked else ""),
+                action="give runs of now that are not among the good ones"
+                if same < len(good) <= k
+                else "leave one out: a copy does not show how a bench varies",
+            )
 
 
 def require_one_bench(runs: Sequence[RunFile]) -> None:

@@ -56,5 +56,6 @@ def judge_runs(
     answer = answer_of(search, question=CHECK_UP, gaps_of=PAIRED)
     records = [RunRecord.of(run, FIT, name) for run, name in runs]
     seconds = time.perf_counter() - began
-    answer = answer.stamped(plant, seconds, notes=notes_of(pairs), runs=records)
+    notes = [*answer.verdict.notes, *notes_of(pairs)]
+    answer = answer.stamped(plant, seconds, notes=notes, runs=records)
     return Judgement(pairs=pairs, **vars(answer))

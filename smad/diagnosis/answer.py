@@ -113,6 +113,7 @@ def answer_of(search: Search, *, question: str, gaps_of: str = MEASURED) -> Answ
         by_run=_by_run(asked, search.configured, search.parameters, search.final),
         judged_on=asked.judged_on,
         unseen=unseen_strengths(search),
+        notes=_of_withdrawn(search),
         models=_models(asked, precision, stages, headline),
     )
     return Answer(
@@ -150,6 +151,12 @@ def _outcome(search: Search, causes: Sequence[Cause]) -> str:
     if min(map(search.question.gap, rivals)) > search.question.quiet_gap:
         return UNEXPLAINED
     return PARAMETERS if search.moved else QUIET
+
+
+def _of_withdrawn(search: Search) -> list[str]:
+    """What was found and is not told, since it leaves a larger gap than parameters alone."""
+    found = ", ".join(part_words(search.question.model.plant, part) for part in search.withdrawn)
+    return [f"not told, since other parameters alone leave less: {found}"] if found else []
 
 
 def _entered(search: Search) -> list[tuple[Step, Rival]]:

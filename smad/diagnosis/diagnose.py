@@ -111,7 +111,7 @@ def _of_changed(admitted: AdmittedRuns) -> tuple[Answer, Sequence[GapRun]]:
         return _of_changed_runs(admitted), runs
     search, pairs = repeating
     answer = answer_of(search, question=CHANGED, gaps_of=PAIRED)
-    notes = [compared(pairs), *notes_of(pairs)]
+    notes = [*answer.verdict.notes, compared(pairs), *notes_of(pairs)]
     paired = {pair.now for pair in pairs.pairs}
     names = [run.name for run in runs if run.name not in paired]
     if not names:
@@ -127,7 +127,8 @@ def _of_changed(admitted: AdmittedRuns) -> tuple[Answer, Sequence[GapRun]]:
         note = f"runs with new inputs show {_NO_CAUSE[same]} either: {listed}"
         return answer.with_verdict(notes=[*notes, note]), apart_runs
     note = f"runs that repeat good ones show {_NO_CAUSE[same]}; runs with new inputs do: {listed}"
-    return of_others.with_verdict(notes=[note, *notes]), apart_runs
+    notes = [note, *of_others.verdict.notes, *notes]
+    return of_others.with_verdict(notes=notes), apart_runs
 
 
 def _of_changed_runs(admitted: AdmittedRuns) -> Answer:

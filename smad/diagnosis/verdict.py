@@ -119,19 +119,25 @@ class LawTerm(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class EffectValue(msgspec.Struct, frozen=True, kw_only=True):
-    """A parameter of an effect, in `unit`, with its standard deviation if it was computed."""
+    """A parameter of an effect, in `unit`, with its standard deviation if it was computed.
+
+    `at_bound`: a strength that a wider range might let grow, for which the deviation says nothing.
+    """
 
     name: str
     value: float
     sd: float | None
     unit: str
+    at_bound: bool = False
 
     @property
     def text(self) -> str:
         """As users read it: tau_s = 0.600 ± 0.002 s, or 0.6 s."""
         if self.sd is None:
-            return f"{self.name} = {self.value:.3g} {in_words(self.unit)}".rstrip()
-        return f"{self.name} = {with_unit(self.value, self.sd, self.unit)}"
+            text = f"{self.name} = {self.value:.3g} {in_words(self.unit)}".rstrip()
+        else:
+            text = f"{self.name} = {with_unit(self.value, self.sd, self.unit)}"
+        return text + " (at the end of its range)" * self.at_bound
 
 
 class RivalGap(msgspec.Struct, frozen=True, kw_only=True):
@@ -217,7 +223,7 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def rival(self) -> RivalGap | None:
-        """Its row in the table of rivals; None where it came in exchange for another one."""
+        """Its row in the table of rivals; None where the table lacks it."""
         name = self.name or self.place
         return next((r for r in self.rivals if r.kind == self.kind and r.name == name), None)
 

@@ -120,7 +120,8 @@ def resolution(runs: Sequence[GapRun], plant: PlantModel) -> Array:
 def row_noise(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Array:
     """The noise of a row of `period_s` of each channel, in its unit; (channels,).
 
-    It is at least that of the quantum. A channel that no run has keeps its typical noise.
+    It is at least that of the quantum. A channel that no run has keeps its typical noise. Where all
+    of these are 0, as in a still channel of a model, a share of its range stands for them.
     """
     exact = each(
         lambda run: nominal_replay(run, plant, fast=False), runs, traits_of(plant).together
@@ -140,7 +141,8 @@ def row_noise(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Arr
             least = float(channel.quantum / np.sqrt(12.0))
             sigma = min(_sigma(rows, *masks) for rows in (measured, unexplained))
             noise[i] = max(sigma, least) or channel.noise
-    return noise
+    ranges = np.array([c.high - c.low for c in plant.channels])
+    return np.where(noise > 0.0, noise, RESOLUTION * ranges)
 
 
 def excursion(columns: Sequence[Array]) -> float:

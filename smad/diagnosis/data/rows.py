@@ -45,12 +45,12 @@ class Binned:
 
 
 def edges_s(run: GapRun) -> Array:
-    """When an input of the run steps by more than a twentieth of its span, first to last."""
+    """When an input steps by more than a twentieth of its largest size, first to last, (k,)."""
     out: list[float] = []
     for column in run.inputs.values():
-        span = float(column.max()) if len(column) else 0.0
-        if span > 0.0:
-            edge_rows = np.flatnonzero(np.abs(np.diff(column)) > _EDGE * span) + 1
+        largest = float(np.abs(column).max(initial=0.0))
+        if largest > 0.0:
+            edge_rows = np.flatnonzero(np.abs(np.diff(column)) > _EDGE * largest) + 1
             out += run.t_s[edge_rows].tolist()
     return np.unique(np.array(out))
 

@@ -11,10 +11,11 @@ _TINY = 1e-12
 
 
 def bounded_step(A: Array, g: Array, low: Array, high: Array, damping: float = 0.0) -> Array:
-    """The step s (k,) that minimises ½ sᵀ(A + damping·diag A)s − gᵀs, with low ≤ s ≤ high.
+    """The step s (k,) that nearly minimises ½ sᵀ(A + damping·diag A)s − gᵀs, with low ≤ s ≤ high.
 
-    Active sets: coordinates that would leave their range are fixed at its end and the others solved
-    again. Every round fixes at least one, so there are at most k.
+    Coordinates that would leave their range are fixed at its end, and the others solved again.
+    Every round fixes at least one, so there are at most k; none is released, so that a lower step
+    may exist where several are fixed.
     """
     damped = A + np.diag((damping + RIDGE) * np.diag(A) + _TINY)
     step, free = np.zeros(len(g)), np.ones(len(g), dtype=bool)

@@ -20,7 +20,7 @@ _DAY_FORM = 0.4
 
 @dataclass(frozen=True)
 class Shrink:
-    """Applies (I + D Dᵀ)^(−1/2) to rows, for directions D given as rows (k, n)."""
+    """Applies (I + DᵀD)^(−1/2), (n, n), to rows, for directions D given as rows (k, n)."""
 
     directions: Array
 

@@ -85,6 +85,8 @@ def repeat_floor(
     rho, day_sd = np.full(channels, 0.5), usual_day.copy()
     if degrees == 0:
         return Floor(sd, rho, day_sd, 0, np.ones(channels))
+    # A reading that only one repeat of each run has was not repeated.
+    repeated = np.any([d.valid.any(axis=0) for d in repeats], axis=0)
     for _ in range(_ROUNDS):
         rests, squares = list[Deviation](), np.zeros_like(day_sd)
         for d in repeats:
@@ -95,9 +97,9 @@ def repeat_floor(
             rest = d.values - np.tensordot(coefficient, d.day, axes=1)
             rests.append(replace(d, values=rest))
             squares += coefficient**2 + variance
-        sd = _pooled(rests, regimes, least)
+        sd = np.where(repeated[:, None], _pooled(rests, regimes, least), sd)
         scaled = (np.where(d.valid, d.values / _of_regime(sd, d.regime), 0.0) for d in rests)
-        rho = lag_one_correlation(scaled, _MOST_RHO)
+        rho = np.where(repeated, lag_one_correlation(scaled, _MOST_RHO), rho)
         day_sd = np.sqrt((squares + _PSEUDO * usual_day**2) / (len(repeats) + _PSEUDO))
     # Few degrees of freedom: the variance of the t distribution is larger.
     known = max(degrees, _FEWEST_DEGREES) + _PRIOR_DEGREES

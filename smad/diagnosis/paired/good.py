@@ -26,8 +26,9 @@ from smad.diagnosis.plant import (
     traits_of,
 )
 from smad.diagnosis.rivals.changes import Changes
+from smad.diagnosis.rivals.convergence import fit_from_several
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, Trial
-from smad.diagnosis.rivals.fit import fit_from_several, reference_at
+from smad.diagnosis.rivals.fit import reference_at
 from smad.diagnosis.rivals.rival import question_of, with_tempered_prior
 from smad.diagnosis.rivals.search import run_search
 from smad.diagnosis.runs import GapRun, bridged
@@ -37,6 +38,8 @@ _CLOCK_SD_S = 0.004
 _CARRIED_SD = 0.4
 """Relative error of a difference that the model carries over, before good runs measure it: that of
 a day direction (`numerics.white`)."""
+_LEAST_SHARE = 1e-6
+"""Of a channel's range, where neither noise nor quantum is declared."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,8 +111,13 @@ class GoodRuns:
 
 
 def least_sd(plant: PlantModel) -> Array:
-    """The smallest standard deviation of a row that is believed, (channels,)."""
-    return np.array([max(c.quantum / 12**0.5, 0.5 * c.noise) for c in plant.channels])
+    """The smallest standard deviation of a row that is believed, (channels,); never 0."""
+    return np.array(
+        [
+            max(c.quantum / 12**0.5, 0.5 * c.noise) or _LEAST_SHARE * (c.high - c.low)
+            for c in plant.channels
+        ]
+    )
 
 
 def carried(

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from smad.diagnosis.plant import Array
-from smad.diagnosis.rivals.fit import NAT, Fit, Reference, fit, model_beside, polished
+from smad.diagnosis.rivals.convergence import polished
+from smad.diagnosis.rivals.fit import NAT, Fit, Reference, fit, model_beside
 from smad.diagnosis.rivals.parts import Part
 from smad.diagnosis.rivals.rival import Question, Rival
 

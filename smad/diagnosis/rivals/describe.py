@@ -64,6 +64,7 @@ def effect_values(part: EffectPart, x: Array, sd: Array | None) -> list[EffectVa
             value=float(v) * q.scale,
             sd=None if s is None else s * q.scale,
             unit=q.unit,
+            at_bound=bool(q.strength and v != 0.0 and v in (q.low / q.scale, q.high / q.scale)),
         )
         for q, v, s in rows
     ]

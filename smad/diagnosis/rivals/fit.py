@@ -4,11 +4,11 @@ Minimises, over the coordinates x of a model,
 
     F(x) = Σ_c n_c/τ · log(v_c(x) + 1) + (x − m)ᵀ P (x − m),
 
-where v_c is the mean square of the n_c rows of channel c, in floors, τ their correlation time, m
-and P the mean and the precision of the prior.
+where v_c is the mean square of the n_c rows of channel c, in floors and less the drifts, τ their
+correlation time, m and P the mean and the precision of the prior.
 A channel weighs the less the larger its residual is, so that no single channel decides the fit.
-Damped Gauss–Newton steps minimise F. The fit ends when no damping lowers F, or when a round lowers
-it by less than `_ENOUGH`.
+Damped Gauss–Newton steps minimise F. The fit ends when no damping lowers F, when a round lowers it
+by less than `_ENOUGH`, or after `_ROUNDS`.
 """
 
 from __future__ import annotations
@@ -37,11 +37,6 @@ _WORTH = 0.05
 _HIDDEN = 0.5
 """Averaged inputs serve while they miss at most this share of a part's effect: a slope that is half
 wrong still points downhill."""
-_POLISHES, _POLISH_ROUNDS = 12, 4
-_ON_THE_WAY = 3.0
-"""Finite-difference steps that slopes of the parameters outlast until a fit seems to have ended.
-With one in their place four check-ups took 8 % longer; at the end of fits three left F too large.
-"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -305,7 +300,7 @@ def fit(
     offset: float = 1.0,
     exact: bool = False,
 ) -> Fit | None:
-    """Fit a model from `start` until a round lowers F by less than `enough`.
+    """Fit a model from `start` until a round lowers F by less than `enough`, or so many `rounds`.
 
     Return None where the model fails at `start`. `offset` stands for 1 in log(v_c + 1): channels
     with a mean square below it weigh alike, and a larger one leads past local minima in which one
@@ -355,83 +350,6 @@ def fit(
         objective=ended.value,
         shift=shift,
     )
-
-
-def reusable_slopes(source: Reference | Fit, steps: float = 1.0) -> Array:
-    """Slopes of the parameters that still hold, (p, n), or (0, n).
-
-    They hold while every coordinate is within so many finite-difference `steps` of where they were
-    measured, and the parts are the same.
-    """
-    x, then = source.x, source.linearized_at
-    far = len(then) != len(x) or (np.abs(x - then) > steps * source.model.steps(then)).any()
-    return source.slopes[: 0 if far else source.model.parameters]
-
-
-def polished(evidence: Evidence, fitted: Fit, *, offset: float = 1.0, exact: bool = True) -> Fit:
-    """Repeat the fit with fresh slopes of its parts until F falls by less than a nat.
-
-    Slopes of the parameters are computed again where `reusable_slopes` has none: on the way within
-    `_ON_THE_WAY` steps, and at the end of an `exact` fit within one.
-    """
-    steps = _ON_THE_WAY
-    for _ in range(_POLISHES):
-        again = replace(fitted, slopes=reusable_slopes(fitted, steps))
-        base = again if exact else reference_of(evidence, again)
-        refitted = base and fit(
-            evidence,
-            fitted.model,
-            fitted.x,
-            base,
-            rounds=_POLISH_ROUNDS,
-            offset=offset,
-            exact=exact,
-        )
-        if not refitted:
-            return fitted
-        gained, fitted = fitted.objective - refitted.objective, refitted
-        if abs(gained) < NAT:
-            if not exact or steps == 1.0 or len(reusable_slopes(again)):
-                break
-            steps = 1.0
-    return fitted
-
-
-def fit_to_end(evidence: Evidence, reference: Reference, *, near: bool = False) -> Fit | None:
-    """Fit the model of a reference to convergence; None where the model fails.
-
-    The first fit is nearly least squares (an offset as large as the loudest channel), the second
-    has the geometric mean of that offset and 1, the last minimises F. A start `near` the minimum
-    needs the last alone.
-    """
-    start = replace(reference, slopes=reusable_slopes(reference))
-    loudest = max(float(evidence.variances(evidence.residual(reference.exact)).max()), 1.0)
-    offsets = (1.0,) if near else (loudest, loudest**0.5, 1.0)
-    fitted = fit(evidence, reference.model, reference.x, start, offset=offsets[0])
-    for offset in dict.fromkeys(offsets):
-        if fitted:
-            fitted = polished(
-                evidence,
-                replace(fitted, objective=np.inf),
-                offset=offset,
-                # Far from the minimum an approximate descent direction suffices.
-                exact=offset < loudest or offset == 1.0,
-            )
-    return fitted
-
-
-def fit_from_several(evidence: Evidence, reference: Reference) -> Fit | None:
-    """The best of three converged fits; None where the model fails.
-
-    F has many local minima where springs reverse: 583 and 215 on the same good runs. The fits start
-    at the reference, by least squares and with F, and half way from there to the first minimum.
-    """
-    first = fit_to_end(evidence, reference)
-    if first is None:
-        return None
-    half = reference_at(evidence, reference.model, 0.5 * (reference.x + first.x))
-    fits = (first, fit_to_end(evidence, reference, near=True), half and fit_to_end(evidence, half))
-    return min((fitted for fitted in fits if fitted), key=lambda fitted: fitted.objective)
 
 
 def leave_out(evidence: Evidence, fitted: Fit) -> tuple[Array, ...]:

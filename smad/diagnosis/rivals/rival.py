@@ -1,7 +1,7 @@
 """A rival (a fitted hypothesis), and the question that it answers.
 
-A rival is judged by its residual on rows that it was not fitted to: runs held out, or each fold in
-turn, replayed as recorded.
+A rival is judged by its residual on rows that it was not fitted to: runs held out, replayed as
+recorded, or each fold in turn, replayed as in the fit.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
+from smad.diagnosis.rivals.convergence import fit_to_end
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, form_sd_of, without_drifts
 from smad.diagnosis.rivals.fit import (
     Fit,
     Reference,
     fit,
-    fit_to_end,
     leave_out,
     reference_of,
     replayed,
@@ -235,7 +235,8 @@ class Question:
         """Which rivals have a gap above `quiet_gap` while another one has not.
 
         Where floors include model error, κ is too small to refute a simulator by its score.
-        Elsewhere a rival with a part, or a simulator that has one already, may be nearly right.
+        Elsewhere a rival with a new part may be nearly right, and is not refuted; where a part has
+        entered beside tied parameters, none is.
         """
         above = [self.gap(r) > self.quiet_gap for r in rivals]
         if all(above) or self.form_sd:
@@ -424,9 +425,10 @@ def day_variance(plant: PlantModel) -> Array:
 
 
 def cannot_replay(question: Question) -> GapError:
-    """The error of a model that gives no numbers for the runs."""
+    """The error of a model that gives no numbers for some of the runs."""
+    held_out = question.held_out.played if question.held_out else []
     return GapError(
         "the model cannot replay these runs",
-        value=", ".join(p.whole.name for p in question.evidence.played),
+        value=", ".join(p.whole.name for p in (*question.evidence.played, *held_out)),
         action="leave them out, or correct the model where it stops",
     )

@@ -135,8 +135,8 @@ def best_starts(
     """Coordinates from which to fit the effects that are worth it beside the reference.
 
     Of the first `_TRIED` and all without a strength, each is replayed from its starts and a weaker
-    one. Rounds of the fit from the start that leaves least, parameters marginalised, decide. All in
-    the half of the runs with the largest residuals, which takes half the time.
+    one. Rounds of the fit from the start that leaves least, parameters marginalised, decide. Of
+    four runs or more the half with the largest residuals counts, which takes half the time.
     """
     if evidence.by_runs:
         squares = evidence.squares(evidence.residual(reference.exact)).sum(axis=1)

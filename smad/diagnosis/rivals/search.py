@@ -2,8 +2,8 @@
 
 The rivals of a step are: nothing more, an effect of the library, a law at a place. Each is fitted
 together with the parameters and the parts that have entered, and scored on rows that it was not
-fitted to. The likeliest enters if it is likelier than nothing more and has a better score. Then
-each earlier part is exchanged for a better one, the others kept.
+fitted to. If something is more likely missing than not, the likeliest with a better score enters.
+Then each earlier part may be exchanged for a better one, the others kept.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Step:
 def run_search(
     question: Question, *, most: int = MOST_CAUSES, exchange: bool = True, laws: bool = True
 ) -> Search:
-    """Take steps until nothing more is likeliest, or `most` parts have entered.
+    """Take steps until nothing enters, all is at the floor, or `most` parts have entered.
 
     `exchange`: after each step earlier parts may be exchanged. `laws`: parts may be laws. Raises
     GapError where the model cannot replay the runs.
@@ -76,7 +76,8 @@ class Search:
     `final` with everything that entered. `moved`: fitted parameters have entered; they are free
     from then on and tied before. `changes` by effects are at the `nominal` simulator; `responses`
     of laws are computed when first needed. `free` is `final` with free parameters, once fitted.
-    `imitated_effects` are the best effects of the step in which fitted parameters entered.
+    `imitated_effects` are the best effects of the step in which fitted parameters entered;
+    `withdrawn` are parts that leave more than parameters alone.
     """
 
     question: Question
@@ -92,6 +93,7 @@ class Search:
     laws: bool
     free: Rival | None = None
     imitated_effects: tuple[Rival, ...] = ()
+    withdrawn: tuple[Part, ...] = ()
 
     @classmethod
     def start(cls, question: Question, exchange: bool, laws: bool) -> Search:
@@ -189,7 +191,7 @@ class Search:
             more = nearer = [r for r in nearer if self.question.gap(r) < gap]
         missing = sum(r.probability for r in more) > _LIKELIER
         if nearer and (missing or (sure and nearer[0].probability > same[0].probability)):
-            return _effect_in_place_of_law(nearer[0], ranked)
+            return _effect_in_place_of_law(nearer)
         return same[0] if same[0].kind == PARAMETERS and not self.moved else None
 
     def _refit_without_part(self, rival: Rival, beside: Rival) -> Rival:
@@ -306,7 +308,10 @@ class Search:
             if question.ranked([both, again])[0].has_part:
                 self.final = both
                 return
-        self.final = alone
+        self.final, self.withdrawn = alone, self.parts
+        # Later rivals were fitted beside the parts that are withdrawn.
+        first = self._of_parts()[0]
+        self.steps[first:] = [replace(self.steps[first], entered=None)]
 
     def _without(self, fitted: Fit, order: Sequence[int]) -> Fit | None:
         """The model with only the parts in `order`, fitted again."""
@@ -394,9 +399,12 @@ def _halfway_starts(
                 yield part, np.r_[0.5 * (base.x + x[:k]), part.weaker(x[k:], 0.5)]
 
 
-def _effect_in_place_of_law(rival: Rival, ranked: Sequence[Rival]) -> Rival:
-    """The rival, or in place of a law the likeliest effect there whose score is as good."""
-    if rival.kind != LAW:
-        return rival
-    effects = (r for r in ranked if r.kind == EFFECT and set(r.places) & set(rival.places))
-    return next((r for r in effects if r.scores.sum() >= rival.scores.sum()), rival)
+def _effect_in_place_of_law(may_enter: Sequence[Rival]) -> Rival:
+    """The first of rivals that may enter; of a law, the likeliest of these effects there whose
+    score is as good.
+    """
+    first, *others = may_enter
+    if first.kind != LAW:
+        return first
+    effects = (r for r in others if r.kind == EFFECT and set(r.places) & set(first.places))
+    return next((r for r in effects if r.scores.sum() >= first.scores.sum()), first)

@@ -1,7 +1,7 @@
 """Detection limits: the least strength at which these runs would have shown each effect.
 
 An effect of strength s adds s²·a_c to the mean square of channel c, with the parameters
-marginalised. It is detected once that costs a model without it as much score as the effect's prior.
+marginalised. It is detected once that costs a model without it the log prior odds against it.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def limits_in_words(limits: Iterable[tuple[str, EffectParameter, float]]) -> lis
         strength = size * abs(q.typical)
         # 210, not 2.1e+02.
         below = f"less than {float(f'{strength:.2g}'):g} {in_words(q.unit)}".rstrip()
-        words = below if strength < q.high else "any strength"
+        words = below if strength < (q.high if q.typical > 0.0 else -q.low) else "any strength"
         sizes[f"{name}, {q.name}: {words}"] = size
     return sorted(sizes, key=lambda text: (sizes[text], text), reverse=True)
 

@@ -312,6 +312,8 @@ def test_runs_of_two_boards_and_a_recording_given_twice_are_refused(tmp_path: Pa
         checked_files(PLANT, [one], [other])
     with pytest.raises(PairingError, match=r"copy is the same recording as .*leave one out"):
         checked_files(PLANT, [found("first", 1), found("copy", 1)], [found("now", 2)])
+    with pytest.raises(PairingError, match=r"export is the same recording as .*leave one out"):
+        checked_files(PLANT, [found("good", 1)], [found("now", 2), found("export", 2)])
 
 
 def test_a_log_that_was_cut_before_its_first_sample_is_told(tmp_path: Path) -> None:

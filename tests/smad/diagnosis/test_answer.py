@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -37,6 +38,25 @@ def test_day_to_day_variation_is_no_unexplained_change(left_by_days: float, outc
         steps=[SimpleNamespace(rivals=[other_days])],
     )
     assert _outcome(cast(Any, search), []) == outcome
+
+
+def test_what_is_withdrawn_is_noted() -> None:
+    plant = with_places(HeaterPlant())
+    start, runs = nominal_point(plant), bank(OTHER, GAIN)[:2]
+    evidence = recorded_evidence(
+        plant, runs, estimate_floors(runs, plant, PERIOD_S), PERIOD_S, start
+    )
+    question = question_of(plant, start, evidence, effects=plant.effects, say=silent)
+    search = Search.start(question, exchange=False, laws=False)
+    search.step()
+    assert [part.name for part in search.parts] == ["driver_gain"]
+    # On runs held out it leaves more.
+    search.final = replace(search.final, squares=9.0 * search.parameters.squares)
+    search.compare_with_parameters()
+    verdict = answer_of(search, question=DIFFERS).verdict
+    assert (verdict.outcome, verdict.causes) == (UNEXPLAINED, [])
+    assert verdict.notes == ["not told, since other parameters alone leave less: driver_gain"]
+    assert "driver_gain" in {r.name for r in verdict.rivals}
 
 
 def test_a_law_that_an_effect_replaces_stays_a_law_and_tables_say_what_they_are_beside() -> None:

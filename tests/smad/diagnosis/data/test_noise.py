@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from smad.diagnosis.data.noise import estimate_floors
-from smad.diagnosis.plant import Array, nominal_point
+from smad.diagnosis.paired.good import least_sd
+from smad.diagnosis.plant import Array, Channel, ModelPoint, nominal_point
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
+from tests.smad.diagnosis.heater_plant import HeaterPlant
+from tests.smad.diagnosis.heater_plant import recorded as heated
 
 PLANT = SmaPlant()
 PERIOD_S = 0.2
@@ -44,3 +48,25 @@ def test_a_reading_that_no_simulator_explains_is(run: GapRun) -> None:
     hum = 0.06 * np.random.default_rng(3).standard_normal(len(run.t_s))
     read = {**run.outputs, "i_meas_y_A": run.outputs["i_meas_y_A"] + hum}
     assert floor(replace(run, outputs=read)) > 2.0 * floor(run)
+
+
+@dataclass(frozen=True)
+class Still(HeaterPlant):
+    """A heater with a lid that stays where it is, read without noise or quantum."""
+
+    channels: Sequence[Channel] = (
+        *HeaterPlant().channels,
+        Channel(name="lid", unit="V", quantum=0.0, low=0.0, high=10.0, noise=0.0),
+    )
+
+    def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
+        return super().simulate(point, run, fast=fast) | {"lid": np.full(len(run.t_s), 5.0)}
+
+
+@pytest.mark.parametrize("recorded_too", [True, False])
+def test_a_still_channel_without_noise_has_a_floor(recorded_too: bool) -> None:
+    run = heated("random", 1, duration_s=20.0)
+    lid = {"lid": np.full(len(run.t_s), 5.0)} if recorded_too else {}
+    floors = estimate_floors([run.with_columns(outputs=lid)], Still(), 0.5)
+    assert floors[-1] == pytest.approx(0.01)
+    assert least_sd(Still())[-1] > 0.0

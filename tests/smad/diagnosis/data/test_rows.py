@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smad.diagnosis.data.played import Played
-from smad.diagnosis.data.rows import Binned, binned, same_inputs, steps_in_gaps
+from smad.diagnosis.data.rows import Binned, binned, edges_s, same_inputs, steps_in_gaps
 from smad.diagnosis.runs import GapRun
 from tests.smad.diagnosis.heater_plant import HeaterPlant
 
@@ -39,6 +39,12 @@ def test_a_supply_that_was_cut_off_for_a_sample_makes_other_inputs() -> None:
 
 def test_a_current_that_is_off_by_two_percent_in_many_bins_makes_other_inputs() -> None:
     assert not same_inputs(_played(1.05 * _step()), _played(_step()))
+
+
+def test_an_input_steps_at_the_same_times_with_the_other_sign() -> None:
+    t_s, drive = 0.2 * np.arange(_BINS), 0.001 + _step()
+    there, back = (edges_s(GapRun("run", t_s, {"drive": s * drive}, {})) for s in (1.0, -1.0))
+    assert there.tolist() == back.tolist() == pytest.approx([16.0, 28.0])
 
 
 PLANT = HeaterPlant()

@@ -1,5 +1,7 @@
 """The repeat floor: what good runs themselves say of what they differ by."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,24 @@ def test_good_runs_say_how_far_what_was_carried_over_is_off(
 
 def test_without_repeats_two_fifths_of_what_was_carried_over_may_be_wrong() -> None:
     assert floor_of([]).day_sd[-1] == USUAL[-1]
+
+
+def test_a_channel_that_no_two_repeats_have_keeps_the_noise_of_its_readings() -> None:
+    rng = np.random.default_rng(3)
+    repeats = [repeat(rng) for _ in range(4)]
+    here = repeats[0].valid.copy()
+    here[:, 1] = False
+    noise = np.array([0.05, 0.2])
+    floor = repeat_floor(
+        [replace(d, valid=here) for d in repeats],
+        len(repeats),
+        1,
+        least=0.01 * noise,
+        noise=noise,
+        usual_day=USUAL,
+    )
+    assert floor.sd[1] == pytest.approx(noise[1])
+    assert floor.sd[0] == pytest.approx(0.1, rel=0.3)
 
 
 @pytest.mark.parametrize(("rho", "least"), [(0.0, 1e-3), (0.8, 1e-3), (0.99, 1e-3), (0.0, 0.3)])

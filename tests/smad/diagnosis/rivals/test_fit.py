@@ -9,12 +9,12 @@ import pytest
 
 from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.plant import Array, ModelPoint, nominal_point
+from smad.diagnosis.rivals.convergence import polished
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.fit import (
     Fit,
     Reference,
     objective,
-    polished,
     reference_at,
     replayed,
     weights,

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.plant import ModelPoint, nominal_point
 from smad.diagnosis.rivals.evidence import recorded_evidence
 from smad.diagnosis.rivals.fit import reference_at
-from smad.diagnosis.rivals.rival import question_of
+from smad.diagnosis.rivals.rival import cannot_replay, question_of
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
@@ -46,3 +48,12 @@ def test_what_wanders_is_judged_alike_in_stretches_and_in_whole_runs(
     ambient = [c.name for c in PLANT.channels].index("rtd_ambient_degC")
     residual = np.sqrt(fitted.squares[:, ambient] / evidence.counts[:, ambient])
     assert (residual < 1.1).all()
+
+
+def test_the_error_of_a_model_that_cannot_replay_names_runs_held_out_too() -> None:
+    fit, held_out = (
+        SimpleNamespace(played=[SimpleNamespace(whole=SimpleNamespace(name=name))])
+        for name in ("monday", "tuesday")
+    )
+    asked = SimpleNamespace(evidence=fit, held_out=held_out)
+    assert cannot_replay(cast(Any, asked)).value == "monday, tuesday"

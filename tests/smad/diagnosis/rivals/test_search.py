@@ -14,8 +14,8 @@ from smad.diagnosis.rivals.competing import CompetingFits
 from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import EffectPart, Model
 from smad.diagnosis.rivals.rival import Question, Rival
-from smad.diagnosis.rivals.score import EFFECT, NOTHING, PARAMETERS
-from smad.diagnosis.rivals.search import Search, _halfway_starts
+from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
+from smad.diagnosis.rivals.search import Search, Step, _halfway_starts
 from smad.diagnosis.spring_pair import SmaPlant
 
 
@@ -154,6 +154,54 @@ def test_with_free_parameters_enters_what_scores_better_though_a_loud_signal_is_
         moved=True,
     )
     assert Search._choose(cast(Any, search), [likeliest, nothing]) is likeliest
+
+
+@pytest.mark.parametrize(("effect_leaves", "enters"), [(8.0, EFFECT), (31.0, LAW)])
+def test_an_effect_enters_in_place_of_a_law_only_where_it_may_enter_itself(
+    effect_leaves: float, enters: str
+) -> None:
+    def at_the_rtd(kind: str, floors: float, score: float, probability: float) -> Rival:
+        part = SimpleNamespace(places=("rtd",))
+        fit = SimpleNamespace(model=SimpleNamespace(parts=(part,)))
+        rival = leaving(kind, floors, score=score, probability=probability)
+        return replace(rival, fit=cast(Any, fit))
+
+    law = at_the_rtd(LAW, 9.0, 6.0, 0.6)
+    # Its score is as good, but a loud signal may be further off than without it.
+    effect = at_the_rtd(EFFECT, effect_leaves, 6.5, 0.3)
+    nothing = leaving(NOTHING, 30.0, probability=0.1)
+    search = SimpleNamespace(
+        question=SimpleNamespace(gap=floors_left, incomplete=lambda same: False, tied="a day"),
+        final=nothing,
+        parts=("cooling_front",),
+        moved=True,
+    )
+    entered = Search._choose(cast(Any, search), [law, effect, nothing])
+    assert entered is not None
+    assert entered.kind == enters
+
+
+def test_where_parts_are_withdrawn_the_last_table_is_that_of_rivals_beside_no_part() -> None:
+    alone, lag = leaving(PARAMETERS, 5.0), leaving(EFFECT, 9.0)
+    search = SimpleNamespace(
+        question=SimpleNamespace(gap=floors_left, at_floor=lambda rival: False),
+        parameters=alone,
+        final=lag,
+        parts=("rtd_lag", "driver_gain"),
+        moved=True,
+        steps=[
+            Step(rivals=(leaving(NOTHING, 30.0),), entered=alone),
+            Step(rivals=(lag, alone), entered=lag),
+            Step(rivals=(leaving(NOTHING, 8.0),), entered=leaving(EFFECT, 8.0)),
+        ],
+        _of_parts=lambda: [1, 2],
+    )
+    Search.compare_with_parameters(cast(Any, search))
+    assert search.final is alone
+    *_, last = search.steps
+    assert len(search.steps) == 2
+    assert last.rivals == (lag, alone)
+    assert last.entered is None
 
 
 def test_a_fit_keeps_its_coordinates_where_its_parts_change_places() -> None:

@@ -17,3 +17,9 @@ def test_a_limit_is_named_once_without_an_exponent_and_the_largest_first() -> No
 
 def test_a_limit_beyond_the_range_is_any_strength() -> None:
     assert limits_in_words([("clock_skew", SKEW, 7.0)]) == ["clock_skew, ppm: any strength"]
+
+
+def test_a_limit_of_what_is_typically_negative_is_named_up_to_that_end_of_its_range() -> None:
+    loss = EffectParameter(name="share", unit="1", typical=-0.1, low=-0.5, high=0.0)
+    found = (limits_in_words([("wear", loss, times)]) for times in (2.0, 7.0))
+    assert list(found) == [["wear, share: less than 0.2"], ["wear, share: any strength"]]
