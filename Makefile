@@ -28,7 +28,7 @@ demo: $(VENV)/.installed  ## the main job on a simulated bench: arm, steps, sinu
 firmware: $(VENV)/.installed  ## compile the firmware's ports; the image to flash is build/firmware/smad-mega.hex
 	@$(PY) -m sim_device.firmware.build
 
-test: $(VENV)/.test-installed  ## all the tests; says how long they took the last time
+test: $(VENV)/.test-installed  ## the tests but those of campaigns; says how long they took the last time
 	@cat $(VENV)/.test-took 2>/dev/null || echo "the time that they take is kept for the next run"
 	@began=$$(date +%s); $(PY) -m pytest -n $$($(WORKERS)) --dist worksteal && \
 	  echo "all passed; the last run took $$(( ($$(date +%s) - began + 59) / 60 )) min" | tee $(VENV)/.test-took

@@ -59,8 +59,8 @@ def relay(
 ) -> None:
     """Keep the heaters' supply on while samples arrive.
 
-    The relay opens when samples end, in FAULT or ESTOP, and when this command ends; SIGKILL ends
-    COMMAND alone: give no shell there. Only a person closes the relay again, with this command.
+    The relay opens when samples end, in FAULT or ESTOP, and when this command ends. SIGKILL ends
+    COMMAND, but not what it started: do not give a shell. Only a person closes the relay again.
     """
     from smad.client.signals import ended_by_signals
     from smad.hooks.relay import HoldingRelay, Relay, TasmotaRelay, hold

@@ -54,7 +54,7 @@ def set_command(
 ) -> None:
     """Change one parameter while not armed. `smad params save` keeps it over a power cycle.
 
-    VALUE is in the unit that `smad params list` shows; another unit may stand behind it: 3A.
+    VALUE is in the unit that `smad params list` shows, or has its own: 3A.
     """
     with client(bench) as bench_client:
         param = bench_client.set_param(name, value)

@@ -44,7 +44,7 @@ def last(
 ) -> None:
     """Write the last seconds into a log, recorded or not.
 
-    After a fault this happens by itself.
+    After a fault the daemon does this by itself.
 
     The daemon keeps the last minute of every channel and event in memory (recorder.black_box_s).
     """

@@ -46,8 +46,8 @@ def tune(
     """Find the gains of a control loop by a short experiment.
 
     It asks first. Then it arms the running bench, waits until the springs are cold, moves the pair
-    by about ±4 mm, and disarms. This takes two to four minutes. Gains change only with --apply or
-    --save, and only if the trial is no worse than with the present gains.
+    by about ±4 mm, and disarms. This takes two to four minutes. --apply and --save do
+    nothing if the trial is worse than with the present gains.
     """
     from smad.experiments.live import LiveDriver
     from smad.experiments.tuning import tune_bench
