@@ -107,10 +107,10 @@ class CaseRivals:
     def said(self, c: Constants) -> Said:
         """What these constants make of the first step."""
         p = self.probability(c)
-        # All may be refuted that have no part.
-        without = (r.gap for r in self.rivals if r.kind in (NOTHING, PARAMETERS))
-        least_gap = min(without, default=np.inf)
-        nearer = self.more & np.array([r.gap < least_gap for r in self.rivals])
+        simulator = PARAMETERS if self.question == DIFFERS else NOTHING
+        # It may be refuted.
+        score = max((sum(r.scores) for r in self.rivals if r.kind == simulator), default=-np.inf)
+        nearer = self.more & np.array([sum(r.scores) > score for r in self.rivals])
         allowed = nearer if p[self.more].sum() > 0.5 and nearer.any() else ~self.more
         kind = self.rivals[int(np.argmax(np.where(allowed, p, -1.0)))].kind
         total = max(p[self.more].sum(), 1e-300)

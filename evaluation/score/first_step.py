@@ -5,6 +5,8 @@ The product tells a table of rivals; what their probabilities are made of is kep
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import msgspec
 
 from smad.diagnosis.answer import Answer
@@ -44,7 +46,8 @@ def scored(answer: Answer) -> ScoredVerdict:
     verdict, search = msgspec.structs.asdict(answer.verdict), answer.search
     if search is None:
         return ScoredVerdict(**verdict)
-    question = search.question
+    # The form error of parts that entered later was not in the floors of the first step.
+    question = replace(search.question, form_sd=())
     rivals = search.steps[0].rivals if search.steps else ()
     first_step = [
         RivalScore(

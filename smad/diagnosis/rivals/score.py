@@ -1,11 +1,13 @@
 """The score of a rival, and from it two probabilities: whether anything is missing, and which.
 
-The score in run r and channel c is −log(v_rc + 1), where v_rc is the mean square, in floors, of the
-residual on rows that the rival was not fitted to. Where a floor includes the resolution that no
-simulator is trusted below, v_rc is at least 1. (Else a lag of half a sample, which takes a current
-from 0.9 to 0.2 floors, would count as much as one that takes an RTD from 30 floors to 17.) The
-residuals of a wrong model are correlated over whole runs, so the likelihood is tempered (a power
-posterior, Grünwald 2017): each run and channel counts as k independent observations,
+The score in run r and channel c is −n_rc/n̄ · log(v_rc + 1), where v_rc is the mean square, in
+floors, of the residual on the n_rc rows that the rival was not fitted to, and n̄ the mean number of
+them: a run that broke off counts less. Where a floor includes the resolution that no simulator is
+trusted below, v_rc is at least 1. (Else a lag of half a sample, which takes a current from 0.9 to
+0.2 floors, would count as much as one that takes an RTD from 30 floors to 17.)
+
+The residuals of a wrong model are correlated over whole runs, so the likelihood is tempered (a
+power posterior, Grünwald 2017): each run and channel counts as k independent observations,
 
     w(rival) = prior(rival) · exp(−k/2 · Σ_rc log(v_rc + 1)).
 
@@ -50,12 +52,15 @@ NOTHING, PARAMETERS, EFFECT, LAW = "nothing", "parameters", "effect", "law"
 
 
 def log_scores(squares: Array, counts: Array, least_square: float) -> Array:
-    """−log(v + 1) of each run, summed over its channels, (runs,), with v at least `least_square`.
+    """−n/n̄ · log(v + 1) of each run, summed over its channels, (runs,), v being `least_square` at
+    least.
 
-    `squares` and `counts` are (runs, channels): sums of squares in floors, and how many rows.
+    `squares` and `counts` are (runs, channels): sums of squares in floors, and how many rows n. n̄
+    is the mean of those that are not 0.
     """
     v = np.maximum(squares / np.maximum(counts, 1.0), least_square)
-    return np.asarray(-np.where(counts > 0, np.log(v + 1.0), 0.0).sum(axis=1))
+    weight = counts * (counts > 0).sum() / max(counts.sum(), 1.0)
+    return np.asarray(-(weight * np.log(v + 1.0)).sum(axis=1))
 
 
 def effective_rows(rows: float, form_share: float, kappa: float, good: int) -> float:

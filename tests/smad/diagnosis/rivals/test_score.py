@@ -68,6 +68,15 @@ def test_what_is_left_below_a_floor_counts_only_where_repeats_have_shown_the_flo
     assert less > half + 1.0
 
 
+def test_a_run_that_broke_off_counts_as_much_less_as_it_is_shorter() -> None:
+    rows = np.array([[200.0, 200.0], [8.0, 0.0], [200.0, 192.0]])
+    whole, short, third = log_scores(np.full_like(rows, 3.0) * rows, rows, 0.0)
+    assert short == pytest.approx(8.0 / 400.0 * whole)
+    assert third == pytest.approx(392.0 / 400.0 * whole)
+    even = np.full((3, 2), 200.0)
+    np.testing.assert_allclose(log_scores(3.0 * even, even, 0.0), -2.0 * np.log(4.0), rtol=1e-12)
+
+
 @pytest.mark.parametrize("leads", [(0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 3.0, 9.0, -2.0, 700.0)])
 def test_probabilities_sum_to_one(leads: tuple[float, ...]) -> None:
     assert sum(of(leads)) == pytest.approx(1.0)
