@@ -93,3 +93,24 @@ ARMINGS = {
     "moving": 1,
     "between runs": 1,
 }
+
+
+@pytest.mark.parametrize("lease_s", [0.0, 3600.0])
+@pytest.mark.parametrize("name", PROGRAMS)
+async def test_a_program_that_is_refused_does_not_stop_whoever_uses_the_bench(
+    name: str, lease_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    async with rig_in(tmp_path) as rig:
+        await rig.connected()
+        other: dict[str, Any] = {"client": b"somebody else"}
+        if lease_s:
+            taken = await rig.ask("control.take", name="somebody", lease_s=lease_s, **other)
+            other["members"] = {"lease": taken["lease"]}
+        await rig.ask("arm", **other)
+        stage = Stage(rig, "never", "")
+        set_up(stage, monkeypatch)
+        monkeypatch.setattr(job, "ARM_DEADLINE_S", 0.1)
+        assert await stage.play(PROGRAMS[name][0], tmp_path)
+        motion: Any = await rig.ask("motion")
+        assert motion["armed"], motion
