@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from firmware_protocol.enums import Fault
 from smad import api
-from smad.client import NotReady
+from smad.client import NotReady, Refused
 from smad.client.arming import arm_when_allowed
 from smad.config import parse_config
 from smad.control.commands import (
@@ -174,11 +175,7 @@ class LiveDriver:
                 cut = _cut_by(error)
                 raise
             finally:
-                client.idle()
-                if cut:
-                    client.note(f"{CUT}{cut}"[:500])
-                recorder = client.stop_recording()
-                self.log = extract(recorder.path, client.name)
+                recorder = self._recorded(cut)
             if part_path(Path(recorder.path), 2).exists():
                 raise ExperimentError(
                     f"run {plan.name} fills more than one file, and only the first would be read",
@@ -194,6 +191,27 @@ class LiveDriver:
         finally:
             self._tune_back(tune_of(before))
         return recording_of(read_run(self.log))
+
+    def _recorded(self, cut: str) -> api.RecorderStatus:
+        """End motion and run log; a signal that comes meanwhile ends the program once that is done.
+
+        A terminal that is closed sends two, one right after the other.
+        """
+        try:
+            return self._end_recording(cut)
+        except (KeyboardInterrupt, SystemExit) as error:
+            with contextlib.suppress(Refused):
+                self._end_recording(cut or _cut_by(error))
+            raise
+
+    def _end_recording(self, cut: str) -> api.RecorderStatus:
+        client = self.client
+        client.idle()
+        if cut:
+            client.note(f"{CUT}{cut}"[:500])
+        recorder = client.stop_recording()
+        self.log = extract(recorder.path, client.name)
+        return recorder
 
     def _carry_out_armed(self, plan: Plan) -> None:
         client = self.client
