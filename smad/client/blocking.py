@@ -291,7 +291,8 @@ class Client(Commands):
                 yield
                 self.disarm()
             except BaseException:
-                if not refused:
+                # Nor is it where we know that it was stopped: somebody else may use it by now.
+                if (self._may_be_armed or self._leased) and not refused:
                     self._disarm_after_an_error()
                 raise
 

@@ -84,6 +84,29 @@ async def test_who_armed_and_met_a_fault_gives_control_back_and_cannot_heat_afte
         assert rig.said.count("→ ARMED") == 1
 
 
+async def test_who_was_stopped_does_not_stop_the_next_one_as_its_own_block_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.connected()
+        stage = Stage(rig, "moving", "disarm")
+        set_up(stage, monkeypatch)
+
+        def program() -> None:
+            with smad.client.Client() as bench, bench.armed():
+                bench.move(Hold(duration_s=20.0))
+                try:
+                    bench.wait_until_done()
+                finally:
+                    # As slow as the disk that closes a run log.
+                    stage.do(rig.run_for(1.0))
+                    stage.do(rig.ask("arm", b"somebody else"))
+
+        with pytest.raises(Stopped):
+            await stage.play(program)
+        assert (await rig.ask("motion"))["armed"]
+
+
 ARMINGS = {
     "before arming": 0,
     "arming": 0,
