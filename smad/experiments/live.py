@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from firmware_protocol.enums import Fault
 from smad import api
-from smad.client import NotReady, Refused
+from smad.client import NotInControl, NotReady, Refused
 from smad.client.arming import arm_when_allowed
 from smad.config import parse_config
 from smad.control.commands import (
@@ -125,12 +125,18 @@ class LiveDriver:
         if self._lease_s is None:
             return self._run(plan)
         with self.client.in_control(self._who, self._lease_s):
+            ours = True
             try:
                 self._arm_when_cold(plan)
                 return self._run(plan)
+            except NotInControl:
+                # The lease has lapsed, and the daemon disarmed: somebody else may use the bench.
+                ours = False
+                raise
             finally:
-                self.client.disarm()
-                self._disarmed = True
+                if ours:
+                    self.client.disarm()
+                    self._disarmed = True
 
     def _arm_when_cold(self, plan: Plan) -> None:
         if self.client.motion().armed:

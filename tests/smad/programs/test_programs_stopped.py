@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import smad.client
-from smad.client import Refused, Stopped
+from campaign import virtual
+from smad.client import NotInControl, Refused, Stopped
 from smad.control.commands import DriveCurrent, Hold
 from smad.demo import job
 from smad.experiments import replayer
@@ -82,6 +84,61 @@ async def test_who_armed_and_met_a_fault_gives_control_back_and_cannot_heat_afte
         assert stage.stopped
         assert said == ["", ""]
         assert rig.said.count("→ ARMED") == 1
+
+
+class Overtaken(Stage):
+    """Somebody else arms while the program is frozen, once its lease has lapsed."""
+
+    async def _stop(self) -> None:
+        await super()._stop()
+        for _ in range(60):
+            with contextlib.suppress(virtual.Refused):
+                await self.rig.ask("arm", b"somebody else")
+                return
+            await self.rig.run_for(0.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "phase"), [case[:2] for case in CASES if case[1:] == ("recording", "lapse")]
+)
+async def test_a_program_that_wakes_up_after_its_lease_does_not_stop_who_came_after_it(
+    name: str, phase: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    async with rig_in(tmp_path) as rig:
+        await rig.connected()
+        stage = Overtaken(rig, phase, "lapse")
+        set_up(stage, monkeypatch)
+        monkeypatch.setattr(replayer, "STROKE_DEGC", WARM_DEGC)
+        assert await stage.play(PROGRAMS[name][0], tmp_path)
+        assert stage.stopped
+        assert rig.said.count("→ ARMED") == 2, rig.said
+        assert (await rig.ask("motion"))["armed"], rig.said
+
+
+async def test_a_client_whose_lease_has_lapsed_disarms_what_it_arms_after_that(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.connected()
+        stage = Stage(rig, "moving", "lapse")
+        set_up(stage, monkeypatch)
+
+        def program() -> None:
+            bench = smad.client.Client(lease_s=None)
+            with contextlib.suppress(NotInControl), bench.in_control("Ada", 2.0):
+                bench.arm()
+                bench.move(Hold(duration_s=20.0))
+                with pytest.raises(Stopped):
+                    bench.wait_until_done()
+                bench.idle()
+            bench.as_of(None)
+            with pytest.raises(ZeroDivisionError), bench.armed():
+                raise ZeroDivisionError
+
+        await stage.play(program)
+        assert rig.said.count("→ ARMED") == 2, rig.said
+        assert not (await rig.ask("motion"))["armed"]
 
 
 async def test_who_was_stopped_does_not_stop_the_next_one_as_its_own_block_ends(
