@@ -409,7 +409,16 @@ def test_an_arming_that_is_interrupted_or_cannot_be_told_is_taken_back(
         arm(client)
         raise ended
 
+    disarm, second = Client.disarm, iter([SystemExit(129)])
+
+    def hung_up(client: Client) -> api.Motion:
+        for signal in second:
+            raise signal
+        return disarm(client)
+
     monkeypatch.setattr(Client, "arm", interrupted)
+    # A terminal that is closed sends two signals, one right after the other.
+    monkeypatch.setattr(Client, "disarm", hung_up)
     assert execute(["arm"]) != 0
     assert [request["method"] for request in daemon.asked] == ["arm", "disarm"]
 
