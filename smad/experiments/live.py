@@ -196,6 +196,7 @@ class LiveDriver:
                 )
         finally:
             self._tune_back(tune_of(before))
+        assert self.log is not None
         return recording_of(read_run(self.log))
 
     def _recorded(self, cut: str) -> api.RecorderStatus:
