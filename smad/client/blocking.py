@@ -294,10 +294,10 @@ class Client(Commands):
                 # Nor is it where we know that it was stopped: somebody else may use it by now.
                 may_be_ours = (self._may_be_armed or self._leased) and not refused
                 if may_be_ours and not self._conversation.lapsed:
-                    self.disarm_after_an_error()
+                    self._disarm_after_an_error()
                 raise
 
-    def disarm_after_an_error(self) -> None:
+    def _disarm_after_an_error(self) -> None:
         """Disarm, whatever interrupts it; an error is not raised: the first one is what counts."""
         with contextlib.suppress(SmadError):
             while True:

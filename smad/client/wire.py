@@ -238,6 +238,8 @@ def connect(context: zmq.Context[Any], address: str, keys: Keys | None, identity
     """Return a DEALER socket that talks to `address`. Raises ConfigError when that is none."""
     socket = context.socket(zmq.DEALER)
     socket.setsockopt(zmq.LINGER, 0)
+    # What waits for a daemon that has ended must not be carried out by the next one.
+    socket.setsockopt(zmq.IMMEDIATE, 1)
     socket.setsockopt(zmq.IDENTITY, identity)
     try:
         if keys is not None:
