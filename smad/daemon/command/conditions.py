@@ -215,7 +215,7 @@ def require_not_faulted(axis: Axis) -> None:
 @_names_axis
 def require_stage(axis: Axis) -> None:
     """Raise Refusal unless the board moves a stretching stage."""
-    # Displacement is the stage's doing once one is used, and not limited any more.
+    # Displacement is the stage's doing once one is used, and not limited until the next arming.
     ident = axis.watch.ident
     if ident is None or not ident.capabilities & Capability.STAGE:
         raise Refusal(
