@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncGenerator
+from typing import Any
 
 import zmq.asyncio
 from msgspec import Struct
@@ -70,7 +71,7 @@ class AsyncChannel:
             except TimeoutError:
                 raise no_answer(self.connection, limit_s) from None
 
-    async def _wait_for(self, socket: zmq.asyncio.Socket, event: zmq.PollEvent) -> None:
+    async def _wait_for(self, socket: Any, event: zmq.PollEvent) -> None:
         while not await socket.poll(int(LOOK_S * 1000), event):
             if ended(self.connection):
                 raise has_ended(self.connection)
