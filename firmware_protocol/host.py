@@ -323,8 +323,7 @@ class HostSession:
 
     def _on_ident(self, ident: m.Ident, frame: Frame, events: list[e.HostEvent]) -> None:
         if self._mirror is not None:
-            known = self.board is not None and ident.boot_count == self.board.boot_count
-            if ident.session == 0 and not known:
+            if ident.session == 0 and not self._is_known(ident):
                 self._restart(e.BoardRestarted(ident), e.FailureReason.BOARD_RESTARTED, events)
         elif ident.nonce == self._greeting.nonce:
             self._on_answer(ident, events)
@@ -334,7 +333,7 @@ class HostSession:
 
     def _on_answer(self, ident: m.Ident, events: list[e.HostEvent]) -> None:
         self._greeting.stop()
-        if self.board is None or self.board.boot_count != ident.boot_count:
+        if not self._is_known(ident):
             self._time = TimeExchanges()
             self._reports = ReportsSeen()
             self._estop_wanted = self._estop_wanted and self.board is None
@@ -352,6 +351,11 @@ class HostSession:
         if ident.schema_crc != self._schema_crc:
             self.incompatible = e.Incompatible(e.IncompatibleReason.SCHEMA, ())
             self._requests.add(self._reader.begin_download(), self._now_us, internal=True)
+
+    def _is_known(self, ident: m.Ident) -> bool:
+        """Whether it is the board of the session before, and has not restarted since."""
+        board = self.board
+        return board is not None and (board.uid, board.boot_count) == (ident.uid, ident.boot_count)
 
     def _on_description(self, piece: m.Description, events: list[e.HostEvent]) -> None:
         lines = self._reader.add(piece)

@@ -7,7 +7,7 @@ import msgspec
 
 from smad.api import Entry, Status, link_counters, named
 from smad.bridge.foxglove import LINK, LOG, Channel, Value, log, rows_of
-from smad.client.following import Params, follow
+from smad.client.following import follow
 from smad.client.wire import telemetry_of
 from smad.config import Config
 from smad.runlog.schema import LinkSample, Row
@@ -57,7 +57,7 @@ class Source:
     async def run(self, sink: Sink) -> None:
         """Follow the bench for ever, and tell the sink."""
         self._sink = sink
-        await follow(self.bench, self, STATUS_EVERY_S)
+        await follow(self.bench, self, STATUS_EVERY_S, self.on_params)
 
     def on_config(self, config: Config) -> None:
         """Take over the configuration: the axes, and what is shown of it."""
@@ -74,10 +74,12 @@ class Source:
             time_ns = round(telemetry_of(data).timestamp * _NS)
             self._sink.publish(self.rows[axis], time_ns, _encode(_row(data)))
 
-    def on_status(self, status: Status, params: Params) -> None:
+    def on_params(self, axis: str, params: Mapping[str, float]) -> None:
+        """Take over the parameters of an axis's board."""
+        self.parameters |= {named(axis, f"board.{n}"): value for n, value in params.items()}
+
+    def on_status(self, status: Status) -> None:
         """Pass on what is new in the status."""
-        for axis, read in params.items():
-            self.parameters |= {named(axis, f"board.{n}"): value for n, value in read.items()}
         for axis, part in status.parts().items():
             gains = msgspec.structs.asdict(part.gains).items()
             self.parameters |= {named(axis, f"gains.{k}"): v for k, v in gains if v is not None}

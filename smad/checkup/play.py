@@ -15,7 +15,6 @@ from smad.checkup.programme import ProgrammeRun
 from smad.checkup.series import Play, Player, Recorded
 from smad.config import parse_config
 from smad.control.plan import Plan
-from smad.errors import SmadError
 from smad.experiments.errors import EndedEarlyError, TrippedError
 from smad.experiments.repeating import RecordedInputs, read_recorded_inputs
 from smad.experiments.replayer import RestFirstDriver
@@ -57,18 +56,16 @@ def simulated(model: Model, *, seed: int) -> Iterator[Player]:
 
 @contextlib.contextmanager
 def live(client: Client, *, bench: str, say: Say, progress: Say) -> Iterator[Player]:
-    """The bench of the running daemon, disarmed after each run and at the end.
+    """The bench of the running daemon, disarmed after each run.
 
     `client` is ready to arm. Each run begins from the same rest: cold, after a stroke of each
     spring. A bench that does not come back to where the recorded run began is played all the same,
     and `say` tells of it.
     """
+    # One client plays all series: another would not know of a stop before it. Between the runs, and
+    # after them, the bench is anybody's: nothing is disarmed that this client has not armed.
     player = LivePlayer(client, bench=bench, say=say, progress=progress)
-    try:
-        # One client plays all series: another would not know of a stop before it.
-        yield lambda series: player
-    finally:
-        player.disarm()
+    yield lambda series: player
 
 
 class LivePlayer:
@@ -82,7 +79,6 @@ class LivePlayer:
         self._config = parse_config(client.config())
         board = client.status().board
         self._uid = "" if board is None else board.uid
-        self._armed = False
 
     def __call__(self, run: ProgrammeRun, original: Path | None) -> Recorded:
         """Play a run, or the one that it repeats, and return where it was recorded."""
@@ -100,16 +96,9 @@ class LivePlayer:
             progress=self._progress,
             sleep=time.sleep,
         )
-        self._armed = True
         began_s = self._client.motion().board_time_s
         log, ended = _carried_out(driver, plan, original)
         return Recorded(log, ended, self._client.motion().board_time_s - began_s)
-
-    def disarm(self) -> None:
-        """Leave the bench disarmed, if it was ever armed; a daemon that is gone has done so."""
-        if self._armed:
-            with contextlib.suppress(SmadError):
-                self._client.disarm()
 
 
 def _carried_out(

@@ -1,6 +1,5 @@
 """Arm a bench as soon as its board allows it: the clocks agree, and the springs are cold."""
 
-import contextlib
 import time
 from collections.abc import Callable
 
@@ -8,7 +7,6 @@ from smad.api import Reason
 from smad.client.blocking import Client
 from smad.client.errors import Refused
 from smad.client.signals import ended_by_signals
-from smad.errors import SmadError
 from smad.progress import Say
 
 _ARMED = "armed: the bench heats when you command it; smad disarm ends this"
@@ -32,8 +30,7 @@ def arm_and_tell(client: Client, tell: Say) -> None:
             # Somebody else may have armed it.
             raise
         except BaseException:
-            with contextlib.suppress(SmadError):
-                client.disarm()
+            client._disarm_after_an_error()
             raise
 
 

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncGenerator
+from typing import Any
 
 import zmq.asyncio
 from msgspec import Struct
@@ -60,17 +61,20 @@ class AsyncChannel:
         async with self._turn[stop]:
             try:
                 async with asyncio.timeout(limit_s):
+                    await self._wait_for(socket, zmq.POLLOUT)
                     await socket.send(data)
                     while True:
-                        if not await socket.poll(int(LOOK_S * 1000)):
-                            if ended(self.connection):
-                                raise has_ended(self.connection)
-                            continue
+                        await self._wait_for(socket, zmq.POLLIN)
                         reply = self.conversation.reply(await socket.recv(), call_id, kind)
                         if reply is not None:
                             return reply
             except TimeoutError:
                 raise no_answer(self.connection, limit_s) from None
+
+    async def _wait_for(self, socket: Any, event: zmq.PollEvent) -> None:
+        while not await socket.poll(int(LOOK_S * 1000), event):
+            if ended(self.connection):
+                raise has_ended(self.connection)
 
     async def telemetry(self, limit_s: float, queue: int, axis: str) -> AsyncGenerator[Telemetry]:
         """Published samples of an axis, as they come. Raises NoAnswer after `limit_s` without."""

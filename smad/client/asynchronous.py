@@ -135,7 +135,7 @@ class AsyncClient(AsyncCommands):
             await self._take_lease()
             # A stop that came meanwhile, also our own, is not known to who asked for this.
             self._conversation.known = known
-        self._may_be_armed = True
+        self._may_be_armed, self._conversation.lapsed = True, False
         try:
             motion = await self._call(api.Arm(), api.Motion, axes=axes)
         except Refused as refused:
@@ -292,12 +292,14 @@ class AsyncClient(AsyncCommands):
                 yield
                 await self.disarm()
             except BaseException:
-                if not refused:
+                # Nor is it where we know that it was stopped: somebody else may use it by now.
+                may_be_ours = (self._may_be_armed or self._leased) and not refused
+                if may_be_ours and not self._conversation.lapsed:
                     await self._disarm_after_an_error()
                 raise
 
     async def _disarm_after_an_error(self) -> None:
-        # What ended the block is what its caller has to hear of.
+        """Disarm, whatever interrupts it; an error is not raised: the first one is what counts."""
         with contextlib.suppress(SmadError):
             while True:
                 try:
@@ -352,6 +354,8 @@ class AsyncClient(AsyncCommands):
 
     async def _ended(self, motion: api.Motion) -> None:
         if motion.armed:
+            if self._conversation.lease:
+                self._conversation.lapsed = not (await self.status()).control.yours
             return
         self._may_be_armed = False
         # Nothing of ours is armed: somebody else may clear the fault and begin anew.

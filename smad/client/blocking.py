@@ -134,7 +134,7 @@ class Client(Commands):
             self._take_lease()
             # A stop that came meanwhile, also our own, is not known to who asked for this.
             self._conversation.known = known
-        self._may_be_armed = True
+        self._may_be_armed, self._conversation.lapsed = True, False
         try:
             motion = self._call(api.Arm(), api.Motion, axes=axes)
         except Refused as refused:
@@ -291,12 +291,14 @@ class Client(Commands):
                 yield
                 self.disarm()
             except BaseException:
-                if not refused:
+                # Nor is it where we know that it was stopped: somebody else may use it by now.
+                may_be_ours = (self._may_be_armed or self._leased) and not refused
+                if may_be_ours and not self._conversation.lapsed:
                     self._disarm_after_an_error()
                 raise
 
     def _disarm_after_an_error(self) -> None:
-        # What ended the block is what its caller has to hear of.
+        """Disarm, whatever interrupts it; an error is not raised: the first one is what counts."""
         with contextlib.suppress(SmadError):
             while True:
                 try:
@@ -351,6 +353,8 @@ class Client(Commands):
 
     def _ended(self, motion: api.Motion) -> None:
         if motion.armed:
+            if self._conversation.lease:
+                self._conversation.lapsed = not (self.status()).control.yours
             return
         self._may_be_armed = False
         # Nothing of ours is armed: somebody else may clear the fault and begin anew.

@@ -56,18 +56,22 @@ class Channel:
         require_open(socket)
         call_id, data = self.conversation.request(params, axes)
         deadline_s = time.monotonic() + limit_s
+
+        def wait_for(event: zmq.PollEvent) -> None:
+            left_s = deadline_s - time.monotonic()
+            while not socket.poll(max(1, int(min(left_s, LOOK_S) * 1000)), event):
+                if ended(self.connection):
+                    raise has_ended(self.connection)
+                if (left_s := deadline_s - time.monotonic()) <= 0:
+                    raise no_answer(self.connection, limit_s)
+
+        wait_for(zmq.POLLOUT)
         try:
             socket.send(data, zmq.NOBLOCK)
         except zmq.Again:
             raise no_answer(self.connection, limit_s) from None
         while True:
-            left_s = deadline_s - time.monotonic()
-            if left_s <= 0:
-                raise no_answer(self.connection, limit_s)
-            if not socket.poll(max(1, int(min(left_s, LOOK_S) * 1000))):
-                if ended(self.connection):
-                    raise has_ended(self.connection)
-                continue
+            wait_for(zmq.POLLIN)
             reply = self.conversation.reply(socket.recv(), call_id, kind)
             if reply is not None:
                 return reply

@@ -6,7 +6,7 @@ sample by sample: the process wakes less often than samples come.
 
 import asyncio
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import count
 from typing import Protocol
 
@@ -28,8 +28,8 @@ TIMEOUT_S = 2.0
 _QUEUE = 4000
 """Samples that wait for us: over a second of six axes at 500 Hz."""
 
-Params = Mapping[str, Mapping[str, float]]
-"""Values of the boards' parameters by axis, as far as they were read."""
+OnParams = Callable[[str, Mapping[str, float]], None]
+"""Gets the name of an axis and the values of its board's parameters."""
 
 
 class Follower(Protocol):
@@ -41,43 +41,49 @@ class Follower(Protocol):
     def on_sample(self, axis: str, data: bytes) -> None:
         """A sample, as JSON; one that raises msgspec.ValidationError is passed over."""
 
-    def on_status(self, status: Status, params: Params) -> None:
+    def on_status(self, status: Status) -> None:
         """The status has come."""
 
     def on_unreachable(self, why: str) -> None:
         """The daemon does not answer, for a reason in one line."""
 
 
-async def follow(bench: str, follower: Follower, status_every_s: float) -> None:
-    """Follow a bench for ever: connect, and connect again whenever the daemon is gone."""
+async def follow(
+    bench: str, follower: Follower, status_every_s: float, on_params: OnParams | None = None
+) -> None:
+    """Follow a bench for ever: connect, and connect again whenever the daemon is gone.
+
+    The boards' parameters are read only if there is somebody to get them, `on_params`.
+    """
     while True:
         try:
             async with AsyncClient(bench, timeout_s=TIMEOUT_S) as client:
-                await _connected(client, follower, status_every_s)
+                await _connected(client, follower, status_every_s, on_params)
         except SmadError as error:
             follower.on_unreachable(str(error))
         await asyncio.sleep(RETRY_S)
 
 
-async def _connected(client: AsyncClient, follower: Follower, status_every_s: float) -> None:
+async def _connected(
+    client: AsyncClient, follower: Follower, status_every_s: float, on_params: OnParams | None
+) -> None:
     config = parse_config(await client.config())
     axes = tuple(config.by_axis())
     follower.on_config(config)
     async with asyncio.TaskGroup() as tasks:
         draining = tasks.create_task(_drain(client.connection.telemetry, axes, follower))
-        params: dict[str, Mapping[str, float]] = {}
         try:
             for number in count():
                 status = _by_name(await client.status(), axes)
                 if tuple(status.parts()) != axes:
                     # Another daemon answers at the same address: begin anew.
                     return
-                if number % PARAMS_EVERY == 0:
+                if on_params is not None and number % PARAMS_EVERY == 0:
                     for axis in axes:
                         with contextlib.suppress(SmadError):
                             read = await client[axis].params()
-                            params[axis] = {param.name: param.value for param in read}
-                follower.on_status(status, params)
+                            on_params(axis, {param.name: param.value for param in read})
+                follower.on_status(status)
                 await asyncio.sleep(status_every_s)
         except SmadError as error:
             follower.on_unreachable(str(error))
@@ -94,6 +100,9 @@ def _by_name(status: Status, axes: Sequence[str]) -> Status:
 
 
 async def _drain(address: str, axes: tuple[str, ...], follower: Follower) -> None:
+    if not address:
+        # A daemon with telemetry.enabled = false: there is the status alone.
+        return
     by_topic = {topic_of(axis).encode(): axis for axis in axes}
     first_topic = TELEMETRY_TOPIC if "" in axes else AXIS_TOPICS
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()

@@ -61,10 +61,12 @@ class Conversation:
     `known` is the last one that this program knows of (None: it began to look at nothing yet): an
     arming of a program that does not know of a stop is refused, until a person starts it anew.
     `motions` has the number of the motion that we commanded last, by axis.
+    `lapsed`: our lease has ended without us, so that the daemon has disarmed what we had armed.
     """
 
     def __init__(self) -> None:
         self.lease = ""
+        self.lapsed = False
         self.generation: int | None = None
         self.known: int | None = None
         self.motions: dict[str, int] = {}
@@ -126,8 +128,7 @@ class Conversation:
             )
         return self._last_id, data
 
-    @staticmethod
-    def reply(data: bytes, call_id: int, kind: type[Reply]) -> Reply | None:
+    def reply(self, data: bytes, call_id: int, kind: type[Reply]) -> Reply | None:
         """Return the reply, or None when `data` belongs to another request.
 
         Raises Refused when the daemon refused, or when the reply is not of a kind we know.
@@ -145,6 +146,8 @@ class Conversation:
                 action="use the same version of smad for client and daemon",
             ) from error
         if envelope.error.data is not None:
+            if self.lease and envelope.error.data.reason is Reason.NOT_IN_CONTROL:
+                self.lapsed = True
             raise refused(envelope.error.data)
         raise Refused(envelope.error.message)
 
@@ -235,6 +238,8 @@ def connect(context: zmq.Context[Any], address: str, keys: Keys | None, identity
     """Return a DEALER socket that talks to `address`. Raises ConfigError when that is none."""
     socket = context.socket(zmq.DEALER)
     socket.setsockopt(zmq.LINGER, 0)
+    # What waits for a daemon that has ended must not be carried out by the next one.
+    socket.setsockopt(zmq.IMMEDIATE, 1)
     socket.setsockopt(zmq.IDENTITY, identity)
     try:
         if keys is not None:

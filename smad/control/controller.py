@@ -163,6 +163,7 @@ class Controller:
             self._armed = False
             self._mode = IdleMode()
             self._stage.stop()
+            self._stage.in_use = False
         self._output = Output()
 
     def _follow(self, command: Follow) -> None:
@@ -220,22 +221,23 @@ class Controller:
 
 
 class _Stage:
-    """A ramp of the stretching stage; unmoved, it asks for nothing."""
+    """A ramp of the stretching stage; unmoved, it asks for nothing.
+
+    `in_use`: moved since the last arming. Before the next one the springs may be mounted anew.
+    """
 
     def __init__(self) -> None:
+        self.in_use = False
         self._at_m: float | None = None
         self._to_m = 0.0
         self._rate_m_per_s = 0.0
-
-    @property
-    def in_use(self) -> bool:
-        return self._at_m is not None
 
     @property
     def done(self) -> bool:
         return self._at_m is None or self._at_m == self._to_m
 
     def move(self, command: MoveStage) -> None:
+        self.in_use = True
         self._to_m = command.stage_mm * 1e-3
         self._rate_m_per_s = command.rate_mm_per_s * 1e-3
         if self._at_m is None:

@@ -138,6 +138,10 @@ def on_bench(
             # The lease has lapsed and the bench is disarmed; without control its run would go on.
             bench.take_control(name, lease_s)
             raise
+        except BaseException:
+            # First of all: a slow disk may take its time to close the log.
+            bench.idle()
+            raise
         finally:
             recorded = bench.stop_recording()
     t_s, seen, reference_mm = np.array(answering.trace).reshape(-1, 3).T

@@ -87,7 +87,8 @@ def draw(bench: Client, robot: Robot, circles: Circles, progress: Say) -> tuple[
     phases = {_WARM: everybody, **{name: {name: angles} for name in robot.segments}}
     phases[TOGETHER] = everybody
     bench.reset_timing()
-    with bench.armed(), bench.record("six-axes") as status:
+    # Disarmed before the log is closed: a slow disk may take its time.
+    with bench.record("six-axes") as status, bench.armed():
         for phase, of_segments in phases.items():
             bench.note(f"{_MARK}{phase}")
             bench.move(robot.moves(of_segments))

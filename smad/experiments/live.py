@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Callable
@@ -13,7 +14,7 @@ from msgspec.structs import asdict
 
 from firmware_protocol.enums import Fault
 from smad import api
-from smad.client import NotReady
+from smad.client import NotInControl, NotReady, Refused
 from smad.client.arming import arm_when_allowed
 from smad.config import parse_config
 from smad.control.commands import (
@@ -116,12 +117,18 @@ class LiveDriver:
         if self.lease_s is None:
             return self._run(plan)
         with self.client.in_control(self.who, self.lease_s):
+            ours = True
             try:
                 self._arm_when_cold(plan)
                 return self._run(plan)
+            except NotInControl:
+                # The lease has lapsed, and the daemon disarmed: somebody else may use the bench.
+                ours = False
+                raise
             finally:
-                self.client.disarm()
-                self._disarmed = True
+                if ours:
+                    self.client.disarm()
+                    self._disarmed = True
 
     def _arm_when_cold(self, plan: Plan) -> None:
         if self.client.motion().armed:
@@ -166,11 +173,7 @@ class LiveDriver:
                 cut = _cut_by(error)
                 raise
             finally:
-                client.idle()
-                if cut:
-                    client.note(f"{CUT}{cut}"[:500])
-                recorder = client.stop_recording()
-                self.log = extract(recorder.path, client.name)
+                recorder = self._recorded(cut)
             if part_path(Path(recorder.path), 2).exists():
                 raise ExperimentError(
                     f"run {plan.name} fills more than one file, and only the first would be read",
@@ -185,7 +188,29 @@ class LiveDriver:
                 )
         finally:
             self._tune_back(tune_of(before))
+        assert self.log is not None
         return recording_of(read_run(self.log))
+
+    def _recorded(self, cut: str) -> api.RecorderStatus:
+        """End motion and run log; a signal that comes meanwhile ends the program once that is done.
+
+        A terminal that is closed sends two, one right after the other.
+        """
+        try:
+            return self._end_recording(cut)
+        except (KeyboardInterrupt, SystemExit) as error:
+            with contextlib.suppress(Refused):
+                self._end_recording(cut or _cut_by(error))
+            raise
+
+    def _end_recording(self, cut: str) -> api.RecorderStatus:
+        client = self.client
+        client.idle()
+        if cut:
+            client.note(f"{CUT}{cut}"[:500])
+        recorder = client.stop_recording()
+        self.log = extract(recorder.path, client.name)
+        return recorder
 
     def _carry_out_armed(self, plan: Plan) -> None:
         client = self.client

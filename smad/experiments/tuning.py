@@ -71,19 +71,17 @@ def tune_displacement(driver: Driver, config: ControlConfig, *, trial: bool = Tr
 def tune_bench(
     client: Client, driver: Driver, spring: Spring | None, *, trial: bool, apply: bool
 ) -> Session:
-    """Tune the bench of a client: temperature of a `spring`, None: displacement; then disarm it.
+    """Tune the bench of a client: temperature of a `spring`, None: displacement.
 
-    With `apply` gains that are no worse are put in force. Raises as `tune_displacement` does.
+    `driver` arms and disarms it. With `apply` gains that are no worse are put in force. Raises as
+    `tune_displacement` does.
     """
     config = parse_config(client.config()).control
-    try:
-        session = (
-            tune_displacement(driver, config, trial=trial)
-            if spring is None
-            else tune_temperature(driver, config, spring, trial=trial)
-        )
-    finally:
-        client.disarm()
+    session = (
+        tune_displacement(driver, config, trial=trial)
+        if spring is None
+        else tune_temperature(driver, config, spring, trial=trial)
+    )
     if apply and not session.worse:
         client.tune(session.tuned.command(session.tuned.after))
         if session.tuned.band_mm:

@@ -5,6 +5,7 @@ off by itself. It closes the relay once, when a person starts it, and never agai
 """
 
 import contextlib
+import http.client
 import math
 import os
 import signal
@@ -12,7 +13,7 @@ import subprocess
 import time
 import urllib.parse
 import urllib.request
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NoReturn, Protocol
 
 import zmq
@@ -32,6 +33,9 @@ RENEW_S = 0.4
 PULSE_DECISECONDS = 15
 """A Tasmota plug switches itself off so many tenths of a second after the last renewal."""
 _HTTP_S = 0.4
+_AGAIN_S = 0.1
+_LAST_TRY_S = PULSE_DECISECONDS / 10 - _HTTP_S - _AGAIN_S
+"""A try that begins later may end after the plug has fallen."""
 _END_S = 1.0
 _POLL_MS = 100
 _CUT_IN = (BoardState.FAULT, BoardState.ESTOP)
@@ -92,12 +96,32 @@ class Heartbeat:
 class TasmotaRelay:
     """A plug with Tasmota's firmware: `PulseTime` lets it fall when it is not renewed."""
 
-    def __init__(self, address: str) -> None:
+    def __init__(
+        self,
+        address: str,
+        *,
+        clock_s: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
         self._address = address.rstrip("/")
+        self._clock_s = clock_s
+        self._sleep = sleep
+        self._renewed_s = -math.inf
 
     def renew(self) -> None:
-        """Switch on for a second and a half. Raises RelayError."""
-        self._ask(f"Backlog PulseTime1 {PULSE_DECISECONDS}; Power1 ON")
+        """Switch on for a second and a half; ask again while it is on. Raises RelayError."""
+        while True:
+            began_s = self._clock_s()
+            try:
+                self._ask(f"Backlog PulseTime1 {PULSE_DECISECONDS}; Power1 ON")
+            except RelayError:
+                # A plug that has fallen must stay off.
+                if self._clock_s() - self._renewed_s > _LAST_TRY_S:
+                    raise
+                self._sleep(_AGAIN_S)
+            else:
+                self._renewed_s = began_s
+                return
 
     def cut(self) -> None:
         """Switch off. Raises RelayError; the plug then falls by itself."""
@@ -108,7 +132,7 @@ class TasmotaRelay:
         try:
             with urllib.request.urlopen(f"{self._address}/cm?{query}", timeout=_HTTP_S) as reply:
                 reply.read(4096)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, http.client.HTTPException) as error:
             raise RelayError(
                 f"the plug does not answer: {error}",
                 value=self._address,

@@ -273,7 +273,10 @@ class Runner:
             del self._unsaved[path]
 
     def _logs_of(self, item: Item, view: BenchSnapshot) -> list[Path]:
-        """Return the logs that were noted, and those written since the item began."""
+        """Return the logs that were noted, and those written since the item began.
+
+        What the daemon records now, and was not noted, somebody else has begun.
+        """
         noted = [Path(path) for path in self._store.logs(item.id)]
         # A daemon that was killed cannot say where it recorded: where it did before.
         folders = {self._store.path.parent, *(path.parent for path in noted)}
@@ -283,7 +286,8 @@ class Runner:
         for folder in sorted(folders):
             with contextlib.suppress(OSError):
                 for path in sorted(folder.glob(f"*{SUFFIX}")):
-                    if path.stat().st_mtime >= since_s and path not in noted:
+                    others = view.being_recorded and path == Path(view.recording)
+                    if path.stat().st_mtime >= since_s and path not in noted and not others:
                         noted.append(path)
         return [path for path in noted if path.exists() and ".recovered" not in path.suffixes]
 

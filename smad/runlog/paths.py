@@ -8,7 +8,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 from smad.counted import counted, listed
-from smad.errors import RunLogError
+from smad.errors import RunLogError, refused_by_system
 
 SUFFIX = ".mcap"
 UNNAMED = "run"
@@ -36,13 +36,15 @@ def new_run_path(folder: str | Path, name: str, when: datetime) -> Path:
     """A free path `folder/YYYYMMDD-HHMMSS-name.mcap`, after all that are there in order of names.
 
     After a log of the same second, or of an hour that the clock was set back, it has the next one.
+    Raises RunLogError where the disk does not say what is there.
     """
     first, last = (f"{time:{_STAMP}}" for time in (when, when + _MOST_SET_BACK))
-    stamps = (path.name[: len(first)] for path in Path(folder).glob(f"*{SUFFIX}"))
-    latest = max((stamp for stamp in stamps if first <= stamp <= last), default="")
-    with contextlib.suppress(ValueError):
-        when = datetime.strptime(latest, _STAMP) + timedelta(seconds=1)
-    return free_path(Path(folder) / f"{when:{_STAMP}}-{_file_name(name)}{SUFFIX}")
+    with refused_by_system(RunLogError, f"cannot look into {folder}", action="check the disk"):
+        stamps = (path.name[: len(first)] for path in Path(folder).glob(f"*{SUFFIX}"))
+        latest = max((stamp for stamp in stamps if first <= stamp <= last), default="")
+        with contextlib.suppress(ValueError):
+            when = datetime.strptime(latest, _STAMP) + timedelta(seconds=1)
+        return free_path(Path(folder) / f"{when:{_STAMP}}-{_file_name(name)}{SUFFIX}")
 
 
 def free_path(path: Path) -> Path:

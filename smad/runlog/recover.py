@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import FileIO
@@ -14,6 +15,7 @@ from mcap import records
 
 from smad.counted import counted
 from smad.errors import RunLogError, refused_by_system
+from smad.files import replacing
 from smad.progress import Share, silent
 from smad.runlog import open_logs
 from smad.runlog.holes import HOLES, RECOVERED_METADATA_NAME, holes_in, words
@@ -76,15 +78,16 @@ def recover(
         size = path.stat().st_size
         source = path.open("rb")
     with source:
-        file = _create(target)
+        _require_free(target)
         try:
-            with file:
+            # Whoever loses power meanwhile must not find half of it under the name of the whole.
+            with replacing(target) as partial, FileIO(partial, "xb") as file:
                 rewrite = _Rewrite(McapFile(file))
                 _copy(source, size, damage, rewrite, progress)
                 rewrite.finish(path, damage)
-            _refuse_if_pointless(path, damage, rewrite)
-        except BaseException as error:
-            target.unlink(missing_ok=True)
+                _refuse_if_pointless(path, damage, rewrite)
+                os.fsync(file.fileno())
+        except Exception as error:
             _explain(path, target, error)
             raise
     return Recovery(
@@ -97,16 +100,13 @@ def recover(
     )
 
 
-def _create(target: Path) -> FileIO:
-    action = "name another file with --output"
-    with refused_by_system(RunLogError, f"cannot create {target}", action=action):
-        try:
-            return FileIO(target, "xb")
-        except FileExistsError:
-            raise RunLogError(f"{target} is there already", action=action) from None
+def _require_free(target: Path) -> None:
+    if target.exists():
+        action = "name another file with --output"
+        raise RunLogError(f"{target} is there already", action=action)
 
 
-def _explain(path: Path, target: Path, error: BaseException) -> None:
+def _explain(path: Path, target: Path, error: Exception) -> None:
     if isinstance(error, NotMcapError):
         raise RunLogError(
             f"{path} is not a run log: {error.why}",
@@ -115,7 +115,7 @@ def _explain(path: Path, target: Path, error: BaseException) -> None:
     if isinstance(error, OSError):
         raise RunLogError(
             f"cannot recover {path} to {target}: {error.strerror}",
-            action="check the disk and its free space",
+            action="check the disk and its free space, or name another file with --output",
         ) from error
 
 

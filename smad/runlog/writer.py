@@ -9,6 +9,7 @@ at a time, which is what a control loop in the same process can bear.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
 import time
@@ -241,7 +242,9 @@ def write_run(
             mcap.write_metadata(END_METADATA_NAME, {"dropped": "0"})
             mcap.finish()
     except BaseException:
-        path.unlink(missing_ok=True)
+        # A disk that refused what was written may refuse this, too.
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)
         raise
     return packer.packed
 

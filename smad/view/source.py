@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable
 
 from smad.api import Status
-from smad.client.following import Params, follow
+from smad.client.following import follow
 from smad.client.wire import telemetry_of
 from smad.config import Config
 from smad.style import strips
@@ -142,7 +142,7 @@ class Source:
         """Take over a sample. Raises msgspec.ValidationError for one that is none of ours."""
         self.axes[axis].on_sample(data)
 
-    def on_status(self, status: Status, params: Params) -> None:
+    def on_status(self, status: Status) -> None:
         """Take over what the daemon says of itself."""
         recorder = status.recorder
         for name, axis in self.axes.items():

@@ -266,6 +266,19 @@ def test_estop_ends_with_the_power_cycle_that_it_asks_for() -> None:
     assert pair.host.state is HostState.MONITOR
 
 
+def test_another_board_on_the_port_has_a_clock_and_an_estop_of_its_own() -> None:
+    pair = Pair().connect().run(200)
+    assert pair.host.clock is not None
+    known = pair.host.clock.exchanges
+    pair.host.send_estop()
+    pair.host.lost(pair.now_us)
+    pair.board = TestBoard(ident=msgspec.structs.replace(IDENT, uid=b"ba9876543210"))
+    pair.connect()
+    assert pair.host.clock is not None
+    assert pair.host.clock.exchanges < known
+    assert pair.board.mode is BoardState.SAFE
+
+
 def test_a_fault_is_sent_three_times_told_once_and_can_be_read_again() -> None:
     pair = Pair().connect().arm()
     pair.board.mode = BoardState.FAULT

@@ -71,6 +71,9 @@ def test_both_clients_have_the_same_methods_with_the_same_parameters_and_words()
 def test_there_is_a_client_method_for_every_method_of_the_api(
     client: Client, daemon: FakeDaemon
 ) -> None:
+    # Both channels are connected.
+    client.motion()
+    client.disarm()
     for method in api.METHODS:
         daemon.answers[method.name] = Silent()
     client.timeout_s = 0.0
@@ -352,6 +355,26 @@ def test_an_armed_block_disarms_when_the_arming_is_not_answered_but_not_when_it_
     client.timeout_s = 30.0
     client.motion()
     assert [request["method"] for request in daemon.asked[1:]] == ["arm", "disarm", "motion"]
+
+
+async def test_what_a_daemon_that_ended_did_not_get_is_not_carried_out_by_the_next_one(
+    tmp_path: Path,
+) -> None:
+    async with contextlib.AsyncExitStack() as stack:
+        with fake_daemon(tmp_path) as before:
+            blocking = stack.enter_context(Client(folder=tmp_path, lease_s=None))
+            client = await stack.enter_async_context(AsyncClient(folder=tmp_path, lease_s=None))
+            blocking.motion()
+            await client.motion()
+            before.endpoints.connection_file.unlink()
+        with pytest.raises(NoAnswer, match="has ended"):
+            blocking.arm()
+        with pytest.raises(NoAnswer, match="has ended"):
+            await client.arm()
+        with fake_daemon(tmp_path) as after:
+            blocking.motion()
+            await client.motion()
+            assert {request["method"] for request in after.asked} == {"motion"}
 
 
 def test_ctrl_c_pressed_twice_disarms_all_the_same(

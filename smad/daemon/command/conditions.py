@@ -43,17 +43,18 @@ def _names_axis(
 @_names_axis
 def require_connected(axis: Axis) -> None:
     """Raise Refusal unless there is a board, and one that takes requests."""
+    if axis.watch.incompatible is not None:
+        use = "can only be watched" if axis.connected else "cannot be used"
+        raise Refusal(
+            Reason.DISAGREEMENT,
+            f"board and smad disagree, so the board {use}",
+            value=disagreement(axis.watch.incompatible),
+            action="update the older of the two",
+        )
     if not axis.connected:
         raise not_connected(
             "the board is not connected",
             "plug it in; the daemon reconnects by itself (smad status)",
-        )
-    if axis.watch.incompatible is not None:
-        raise Refusal(
-            Reason.DISAGREEMENT,
-            "board and smad disagree, so the board can only be watched",
-            value=disagreement(axis.watch.incompatible),
-            action="update the older of the two",
         )
 
 
@@ -214,7 +215,7 @@ def require_not_faulted(axis: Axis) -> None:
 @_names_axis
 def require_stage(axis: Axis) -> None:
     """Raise Refusal unless the board moves a stretching stage."""
-    # Displacement is the stage's doing once one is used, and not limited any more.
+    # Displacement is the stage's doing once one is used, and not limited until the next arming.
     ident = axis.watch.ident
     if ident is None or not ident.capabilities & Capability.STAGE:
         raise Refusal(

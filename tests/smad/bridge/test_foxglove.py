@@ -153,8 +153,9 @@ def test_an_event_is_passed_on_once_and_the_gains_are_those_in_force() -> None:
     events = (api.Entry(1.0, "connected"), api.Entry(2.0, "too hot", "fault"))
     now = replace(status(host_time_s=3.0), events=events[:1])
     source._sink = sink
-    source.on_status(now, {"": {"cold_cC": 4500.0}})
-    source.on_status(replace(now, events=events), {})
+    source.on_params("", {"cold_cC": 4500.0})
+    source.on_status(now)
+    source.on_status(replace(now, events=events))
     logged = [body["message"] for topic, _, body in sink.published if topic == "/smad/log"]
     assert logged == ["connected", "too hot"]
     assert [t for topic, t, _ in sink.published if topic == "/smad/link"] == [3_000_000_000] * 2
@@ -180,7 +181,8 @@ def test_each_axis_has_a_channel_counters_and_parameters_of_its_own() -> None:
     assert not one.wants(ROWS)
     part = status(host_time_s=3.0)
     both = replace(part, axes={"pitch-1": part, "yaw-1": replace(part, gains=Tune(kp_A_per_mm=9))})
-    source.on_status(both, {"yaw-1": {"cold_cC": 4500.0}})
+    source.on_params("yaw-1", {"cold_cC": 4500.0})
+    source.on_status(both)
     assert source.parameters["yaw-1.gains.kp_A_per_mm"] == 9
     assert source.parameters["pitch-1.gains.kp_A_per_mm"] == 7.0
     assert source.parameters["yaw-1.board.cold_cC"] == 4500.0

@@ -8,7 +8,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import msgspec
@@ -22,7 +22,7 @@ from smad import api
 from smad.cli import COMMANDS, LazyGroup, execute, main, root
 from smad.client import Client
 from smad.client.endpoints import new_key_file
-from smad.client.following import Params, follow
+from smad.client.following import follow
 from smad.config import Config
 from smad.processes.boards import build
 from smad.runlog.schema import Row
@@ -250,24 +250,45 @@ def test_every_reading_of_a_lost_link_is_shown_with_its_age(age_s: float, shown:
     assert motion_words(motion).startswith(f"idle, board ARMED, at 1.25 mm{shown}")
 
 
+class Follower:
+    """Keeps the first status, and ends with it."""
+
+    def __init__(self) -> None:
+        self.told: list[api.Status] = []
+
+    def on_config(self, config: Config) -> None: ...
+    def on_sample(self, axis: str, data: bytes) -> None: ...
+    def on_unreachable(self, why: str) -> None: ...
+    def on_status(self, status: api.Status) -> None:
+        self.told.append(status)
+        raise KeyError
+
+
 def test_who_follows_a_bench_of_one_axis_with_a_name_gets_it_by_that_name(
     daemon: FakeDaemon,
 ) -> None:
     daemon.answers["config"] = api.ConfigText(toml="[[axes]]\nname = 'pitch'\n")
-    daemon.answers["params.list"] = api.ParamList(params=())
-    told: list[api.Status] = []
-
-    class Follower:
-        def on_config(self, config: Config) -> None: ...
-        def on_sample(self, axis: str, data: bytes) -> None: ...
-        def on_unreachable(self, why: str) -> None: ...
-        def on_status(self, status: api.Status, params: Params) -> None:
-            told.append(status)
-            raise KeyError
-
+    param = api.Param(name="cold_cC", value=4500.0, minimum=3000.0, maximum=4500.0)
+    daemon.answers["params.list"] = api.ParamList(params=(param,))
+    follower, params = Follower(), dict[str, Mapping[str, float]]()
     with pytest.raises(ExceptionGroup):
-        asyncio.run(follow("bench", Follower(), 0.0))
-    assert told[0].of("pitch").motion == MOTION
+        asyncio.run(follow("bench", follower, 0.0, params.__setitem__))
+    assert follower.told[0].of("pitch").motion == MOTION
+    assert params == {"pitch": {"cold_cC": 4500}}
+
+
+def test_who_follows_a_daemon_without_telemetry_gets_the_status_and_reads_no_parameters(
+    daemon: FakeDaemon,
+) -> None:
+    daemon.answers["config"] = api.ConfigText(toml="")
+    path = daemon.endpoints.connection_file
+    connection = json.loads(path.read_bytes())
+    path.write_text(json.dumps({**connection, "telemetry": ""}))
+    follower = Follower()
+    with pytest.raises(ExceptionGroup):
+        asyncio.run(follow("bench", follower, 0.0))
+    assert follower.told
+    assert "params.list" not in {asked["method"] for asked in daemon.asked}
 
 
 def test_status_as_json_is_the_whole_status(
@@ -388,7 +409,16 @@ def test_an_arming_that_is_interrupted_or_cannot_be_told_is_taken_back(
         arm(client)
         raise ended
 
+    disarm, second = Client.disarm, iter([SystemExit(129)])
+
+    def hung_up(client: Client) -> api.Motion:
+        for signal in second:
+            raise signal
+        return disarm(client)
+
     monkeypatch.setattr(Client, "arm", interrupted)
+    # A terminal that is closed sends two signals, one right after the other.
+    monkeypatch.setattr(Client, "disarm", hung_up)
     assert execute(["arm"]) != 0
     assert [request["method"] for request in daemon.asked] == ["arm", "disarm"]
 

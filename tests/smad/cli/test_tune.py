@@ -37,6 +37,10 @@ class Noting:
     def as_of(self, generation: int | None) -> None:
         self.generation = generation
 
+    @contextlib.contextmanager
+    def in_control(self, name: str, lease_s: float) -> Iterator[None]:
+        yield
+
     def disarm(self) -> None:
         self.done.append("disarmed")
 
@@ -73,11 +77,11 @@ def test_gains_are_shown_kept_and_applied_only_when_asked(
 ) -> None:
     monkeypatch.setattr("smad.experiments.tuning.tune_displacement", conducted)
     assert execute(["tune", "--yes", "--no-trial"]) == 0
-    assert bench.done == ["disarmed"]
+    assert bench.done == []
     assert "gain margin" in capsys.readouterr().out
     kept = tmp_path / "tuned.toml"
     assert execute(["tune", "--yes", "--no-trial", "--apply", "--save", str(kept)]) == 0
-    assert bench.done == ["disarmed", "disarmed", "tuned", "tuned"]
+    assert bench.done == ["tuned", "tuned"]
     assert bench.tunes[0].kp_A_per_mm is not None
     assert bench.tunes[1].hold_band_mm == 0.01
     assert kept.read_text().startswith("[control]\nkp_A_per_mm = ")
@@ -98,7 +102,7 @@ def test_gains_that_did_worse_in_the_trial_are_neither_applied_nor_kept(
     )
     kept = tmp_path / "tuned.toml"
     assert execute(["tune", "--yes", "--apply", "--save", str(kept)]) == 0
-    assert bench.done == ["disarmed"]
+    assert bench.done == []
     assert not kept.exists()
     assert "keep the gains you have: R² of the sinusoid is 0.9800" in capsys.readouterr().out
     assert Session(found, (new, now)).worse == ""
@@ -107,10 +111,11 @@ def test_gains_that_did_worse_in_the_trial_are_neither_applied_nor_kept(
 def test_an_interruption_ends_disarmed_and_applies_nothing(
     bench: Noting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(*_: Any, **__: Any) -> Session:
+    def interrupted(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("smad.experiments.tuning.tune_displacement", interrupted)
+    monkeypatch.setattr("smad.experiments.tuning.NEEDED", ())
+    monkeypatch.setattr("smad.experiments.live.LiveDriver._run", interrupted)
     assert execute(["tune", "--yes", "--apply"]) == 130
     assert bench.done == ["disarmed"]
 

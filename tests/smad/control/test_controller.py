@@ -157,6 +157,19 @@ def test_a_bench_that_never_moved_its_stage_is_not_asked_to() -> None:
     assert drive(started(STEP_UP), range(1, 5))[-1].stage_m is None
 
 
+def test_a_stage_that_was_moved_in_an_earlier_arming_lifts_no_limit_of_displacement() -> None:
+    heating = DriveCurrent(i_x_A=1.0)
+    controller = started(MoveStage(stage_mm=5.0, rate_mm_per_s=50.0), heating)
+    assert drive(controller, range(1, 20), lambda k: 0.05)[-1].i_A[0] == 1.0
+    controller.step(sample(20, armed=False))
+    controller.step(sample(21))
+    controller.command(heating)
+    (output,) = drive(controller, [22], lambda k: 0.05)
+    assert output.i_A[0] == 0.0
+    assert output.stage_m == 0.005
+    assert controller.limiting is HostLimit.DISPLACEMENT
+
+
 def test_leaving_armed_ends_the_mode_and_arming_again_moves_nothing() -> None:
     controller = started(STEP_UP)
     assert drive(controller, range(1, 5))[-1].i_A[0] > 0.0

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import errno
+import os
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -131,11 +134,31 @@ async def test_repeated_writings_hold_no_more_threads_or_blocks(tmp_path: Path) 
         assert len(rig.daemon.black_box._blocks) <= 1 + rig.now_us() / 1e6 / (60.0 / 128)
 
 
-async def test_a_disk_that_takes_nothing_is_told_and_the_bench_goes_on(tmp_path: Path) -> None:
-    (tmp_path / "runs").write_text("a file where the folder should be")
+def _no_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "runs").write_text("a file where the folder should be")
+
+
+def _failing_disk(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def failing(self: Path, pattern: str) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(Path, "glob", failing)
+
+
+@pytest.mark.parametrize(
+    ("broken", "why"),
+    [(_no_folder, "cannot create folder"), (_failing_disk, "Input/output error")],
+)
+async def test_a_disk_that_takes_nothing_is_told_and_the_bench_goes_on(
+    broken: Callable[[Path, pytest.MonkeyPatch], None],
+    why: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    broken(tmp_path, monkeypatch)
     async with rig_in(tmp_path) as rig:
         await rig.arm()
-        with pytest.raises(Refused, match="cannot create folder") as refused:
+        with pytest.raises(Refused, match=why) as refused:
             await rig.ask("record.last")
         assert refused.value.reason == "recorder"
         await rig.ask("disarm", client=b"other")

@@ -143,6 +143,19 @@ async def test_the_status_says_before_arming_what_the_board_then_refuses_it_for(
         assert refused.value.data["cause"] in expected
 
 
+async def test_a_board_of_another_version_that_was_plugged_in_is_not_waited_for(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(
+        tmp_path, SimulatedBench(seed=1, faults=[injection("major_other", 0.6)])
+    ) as rig:
+        await rig.run_for(2.0)
+        with pytest.raises(Refused, match=r"cannot be used; got .* board has 99\.") as refused:
+            await rig.ask("arm")
+        assert refused.value.reason == "disagreement"
+        assert refused.value.data["cause"] in (await rig.ask("status"))["obstacle"]
+
+
 async def test_arming_twice_is_refused(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.arm()

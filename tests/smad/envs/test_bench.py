@@ -125,6 +125,21 @@ def test_a_policy_that_gives_no_action_ends_with_the_bench_disarmed(
     assert not bench.recording
 
 
+def test_the_currents_of_a_policy_that_fails_end_before_its_log_is_closed(tmp_path: Path) -> None:
+    bench = BenchClient(tmp_path)
+    answers = iter([np.array([1.0, 0.0, 0.0, 0.0])])
+    close, ran = bench.stop_recording, []
+
+    def closing() -> object:
+        ran.append(bench.motion().running)
+        return close()
+
+    bench.stop_recording = closing  # type: ignore[assignment,method-assign]
+    with pytest.raises(PolicyFailed):
+        on_bench(lambda seen: next(answers), client=bench, duration_s=1.0)  # type: ignore[arg-type]
+    assert ran == ["idle"]
+
+
 def test_samples_that_came_while_a_policy_was_late_are_left_out(tmp_path: Path) -> None:
     bench = BenchClient(tmp_path)
     asked = 0

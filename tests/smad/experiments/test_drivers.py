@@ -243,6 +243,36 @@ def test_a_run_whose_program_is_ended_is_no_example_of_anything(tmp_path: Path) 
     assert read_run(live.log).cut_by == "the program was ended"
 
 
+class Hangup(FakeClient):
+    """A client whose program gets its second signal, as from a terminal that is closed, while it
+    ends a run."""
+
+    signals = 0
+
+    def let_pass(self, seconds: float) -> None:
+        super().let_pass(seconds)
+        if self.recording and not self.signals:
+            self.signals = 1
+            raise SystemExit(129)
+
+    def idle(self) -> None:
+        if self.signals == 1:
+            self.signals = 2
+            raise SystemExit(129)
+        super().idle()
+
+
+def test_a_second_signal_while_a_run_is_ended_leaves_no_log_open(tmp_path: Path) -> None:
+    client = Hangup(tmp_path)
+    live = LiveDriver(client, sleep=client.let_pass)
+    with pytest.raises(SystemExit):
+        live.run(PLAN)
+    assert client.signals == 2
+    assert not client.recording
+    assert live.log is not None
+    assert read_run(live.log).cut_by == "the program was ended"
+
+
 def test_springs_mounted_in_another_way_are_refused_before_anything_moves(tmp_path: Path) -> None:
     client = FakeClient(tmp_path)
     live = LiveDriver(client, sleep=client.let_pass)

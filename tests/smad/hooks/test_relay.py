@@ -103,6 +103,35 @@ def test_a_plug_that_does_not_answer_is_told() -> None:
         TasmotaRelay("nonsense").renew()
 
 
+def test_a_lost_answer_of_a_plug_cuts_nothing_and_a_silent_plug_is_told_before_it_falls(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now_s, asked_s = 0.0, list[float]()
+    answers = iter([True, False, True])
+
+    def wait(seconds: float) -> None:
+        nonlocal now_s
+        now_s += seconds
+
+    def ask(command: str) -> None:
+        asked_s.append(now_s)
+        if not next(answers, False):
+            wait(relays._HTTP_S)
+            raise RelayError("the plug does not answer")
+
+    relay = TasmotaRelay("http://plug.lab", clock_s=lambda: now_s, sleep=wait)
+    monkeypatch.setattr(relay, "_ask", ask)
+    relay.renew()
+    wait(RENEW_S)
+    relay.renew()
+    assert len(asked_s) == 3
+    wait(RENEW_S)
+    with pytest.raises(RelayError):
+        relay.renew()
+    # Renewed after it has fallen, it would close by itself.
+    assert asked_s[-1] + relays._HTTP_S < asked_s[2] + PULSE_DECISECONDS / 10
+
+
 def test_a_holding_command_runs_until_the_supply_is_cut(tmp_path: Path) -> None:
     relay = HoldingRelay(["sleep", "1000"])
     relay.renew()

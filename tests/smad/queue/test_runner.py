@@ -405,6 +405,22 @@ def test_a_log_that_nobody_noted_is_recovered_where_a_killed_daemon_recorded(
     assert path.with_name(f"{path.stem}.recovered.mcap").exists()
 
 
+def test_a_recording_that_somebody_began_after_a_runner_was_killed_goes_on(
+    night: Night, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    night.add()
+    night.arm()
+    night.tick()
+    path = cut_log(night.folder)
+    night.view = msgspec.structs.replace(night.view, recording=str(path), being_recorded=True)
+    monkeypatch.setattr("smad.queue.runner.being_written", lambda path: True)
+    night.runner = night.new_runner()
+    night.runner.begin()
+    night.tick(2)
+    assert night.states() == [State.INTERRUPTED]
+    assert night.closed_logs == 0
+
+
 def test_a_process_that_cannot_be_begun_pauses_the_queue(
     night: Night, monkeypatch: pytest.MonkeyPatch
 ) -> None:

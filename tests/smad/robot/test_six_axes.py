@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import pytest
 
 from smad.cli import execute
 from smad.client.endpoints import FOLDER_VARIABLE
 from smad.config import Config, PlantConfig, RecorderConfig, config_to_toml
+from smad.experiments.circles import Circles, draw
 from smad.processes.daemon import running_daemon
 from smad.processes.simulator import PACED
+from smad.progress import silent
 
 
 @pytest.fixture
@@ -25,6 +28,16 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     arguments = ["--sim", *PACED, "--axes", "2", "--config", str(config)]
     with running_daemon(arguments, tmp_path):
         yield tmp_path
+
+
+def test_an_interruption_disarms_before_the_log_is_closed() -> None:
+    bench, ended = MagicMock(), list[str]()
+    for name in ("armed", "record"):
+        getattr(bench, name).return_value.__exit__.side_effect = lambda *_, n=name: ended.append(n)
+    bench.wait_until_done.side_effect = KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        draw(bench, MagicMock(segments={"segment-1": None}), Circles(), silent)
+    assert ended == ["armed", "record"]
 
 
 def test_it_draws_each_segment_and_all_and_writes_table_and_page(

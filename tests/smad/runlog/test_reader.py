@@ -20,7 +20,7 @@ from smad.runlog.bounds import FASTEST_HZ, MOST_LOG_ROWS
 from smad.runlog.mcap_file import McapFile, pack
 from smad.runlog.overview import list_runs
 from smad.runlog.reader import read_run
-from smad.runlog.recover import recover
+from smad.runlog.recover import recover, recovered_path
 from smad.runlog.schema import EVENT_TOPIC, ROW_TOPIC, TOPICS, Event, Row, json_schema
 from smad.runlog.summary import summarise
 
@@ -284,6 +284,18 @@ def test_recovery_never_overwrites_nor_removes_a_file(tmp_path: Path) -> None:
         with pytest.raises(RunLogError):
             recover(source, taken)
         assert taken.read_bytes() == b"mine"
+
+
+def test_a_recovery_that_loses_power_leaves_no_half_under_the_name_of_the_whole(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(whole_log()[:-2000])
+    meanwhile: list[bool] = []
+    done = recover(path, progress=lambda share: meanwhile.append(recovered_path(path).exists()))
+    assert meanwhile
+    assert not any(meanwhile)
+    assert [p.name for p in sorted(tmp_path.iterdir())] == ["cut.mcap", done.path.name]
 
 
 def test_nothing_is_left_behind_when_nothing_can_be_recovered(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """Recording: nothing raises, nothing waits, nothing is overwritten, nothing is lost unseen."""
 
+import errno
+import os
 import shutil
 import signal
 import subprocess
@@ -15,6 +17,7 @@ import pytest
 from mcap.reader import NonSeekingReader, make_reader
 
 from smad.errors import RunLogError
+from smad.runlog.mcap_file import McapFile
 from smad.runlog.overview import list_runs
 from smad.runlog.paths import free_path, new_run_path, newest_run
 from smad.runlog.reader import read_run
@@ -195,6 +198,18 @@ def test_a_run_that_breaks_off_while_being_written_at_once_leaves_nothing(tmp_pa
     with pytest.raises(ZeroDivisionError):
         write_run(tmp_path / "run.mcap", HEADER, broken())
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_turned_read_only_is_told_as_a_log_that_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read_only(*_: object, **__: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(McapFile, "finish", read_only)
+    monkeypatch.setattr(Path, "unlink", read_only)
+    with pytest.raises(RunLogError, match="cannot write"):
+        write_run(tmp_path / "run.mcap", HEADER, rows(3))
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_the_run(tmp_path: Path) -> None:

@@ -117,7 +117,7 @@ def test_of_several_axes_a_page_has_a_tile_and_a_condition_for_each() -> None:
     source.on_config(Config(axes=tuple(AxisConfig(name=name, travel_mm=4.0) for name in names)))
     ready, warm, armed = status(), status(obstacle="a spring is not cold"), status("ARMED")
     parts = dict(zip(names, (ready, warm, armed), strict=True))
-    source.on_status(msgspec.structs.replace(ready, axes=parts), {})
+    source.on_status(msgspec.structs.replace(ready, axes=parts))
     told = page.status_message(source, source.axis("yaw-1"), ours=False)
     assert [tile.axis for tile in told["tiles"]] == list(names)
     conditions = {one.axis: one for one in told["status"].conditions}

@@ -352,9 +352,9 @@ async def test_a_status_that_knows_of_a_lost_link_takes_back_the_state_of_the_la
 ) -> None:
     source = rig.source
     source.axis("").mode = int(BoardState.ARMED)
-    source.on_status(status("ARMED"), {})
+    source.on_status(status("ARMED"))
     assert source.axis("").mode_name == "ARMED"
-    source.on_status(status(NO_WORD), {})
+    source.on_status(status(NO_WORD))
     assert source.axis("").mode_name == NO_WORD
     source.axis("").mode = int(BoardState.SAFE)
     assert source.axis("").mode_name == "SAFE"
