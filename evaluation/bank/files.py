@@ -123,6 +123,13 @@ def digest(path: Path) -> str:
         raise BankError(f"{path} cannot be read ({error.strerror}): check the path") from None
 
 
+def digest_of_runs(bank: Path) -> str:
+    """SHA-256 over the names and contents of all files of a bank but its manifest."""
+    paths = sorted(p for p in bank.rglob("*") if p.is_file() and p != bank / "manifest.json")
+    lines = (f"{digest(p)}  {p.relative_to(bank).as_posix()}\n" for p in paths)
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+
 def write_json(path: Path, value: Any) -> None:
     """Write JSON so that the same value always gives the same bytes."""
     text = json.dumps(value, indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False)

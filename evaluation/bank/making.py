@@ -23,7 +23,10 @@ Array = NDArray[np.float64]
 Entry = dict[str, Any]
 
 SEALED = "sealed"
-SIGNALS = ("i_meas_x_A", "v_x_V", "v_y_V", "rtd_x_degC", "rtd_y_degC", "displacement_mm", "force_N")
+SIGNALS = (
+    "i_meas_x_A", "i_meas_y_A", "v_x_V", "v_y_V", "rtd_x_degC", "rtd_y_degC", "displacement_mm",
+    "force_N",
+)  # fmt: skip
 _COLUMNS = [READINGS.index(s) for s in SIGNALS]
 _LEAST_GAP = 0.01
 
@@ -112,7 +115,12 @@ def made(
 
 def sealed_up(order: Order, cases: Mapping[str, tuple[Entry, Entry]], manifest: Entry) -> str:
     """Write manifest and key of a bank whose runs are made, forget its parts; the key's SHA-256."""
-    key = {"format": "smad-key-1", "bank": order.name, "cases": {n: c[1] for n, c in cases.items()}}
+    key = {
+        "format": "smad-key-1",
+        "bank": order.name,
+        "runs_sha256": files.digest_of_runs(order.folder),
+        "cases": {n: c[1] for n, c in cases.items()},
+    }
     path = order.key_folder / "KEY.json"
     files.write_json(path, key)
     sha256 = files.digest(path)

@@ -10,6 +10,7 @@ from evaluation.bank import any_inputs, files
 from evaluation.bank.any_inputs import AnyInputs, make
 from evaluation.bank.cases import draw, scaled
 from evaluation.bank.excitation import HOT_degC
+from evaluation.bank.making import SIGNALS
 from evaluation.bank.recorder import record
 from evaluation.command import main
 from evaluation.errors import BankError
@@ -50,6 +51,20 @@ def test_a_case_has_good_runs_or_none_and_runs_to_fit_and_to_judge(order: AnyInp
         assert roles.count("fit") >= 2
         assert roles.count("hold_out") >= 1
         assert case["question"] == key[case["id"]]["question"]
+
+
+def test_the_key_commits_to_the_runs(order: AnyInputs) -> None:
+    sealed = files.read_json(order.key_folder / "KEY.json")["runs_sha256"]
+    assert files.digest_of_runs(order.folder) == sealed
+    run = next(order.folder.rglob("run-1.parquet"))
+    data = run.read_bytes()
+    run.write_bytes(data + b" ")
+    assert files.digest_of_runs(order.folder) != sealed
+    run.write_bytes(data)
+
+
+def test_what_counts_to_a_strength_on_one_spring_counts_on_the_other() -> None:
+    assert {s.replace("_x", "_y") for s in SIGNALS} <= set(SIGNALS)
 
 
 def test_a_run_may_repeat_the_commands_of_a_good_one_on_another_day(order: AnyInputs) -> None:
