@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import statistics
 from collections.abc import Callable, Sequence
+from itertools import permutations
 from typing import TypeVar
 
 from evaluation.names import canonical
@@ -64,8 +65,12 @@ def _worse(p: Pair) -> bool:
 
 
 def _both_places(p: Pair) -> bool:
-    first = {c.place for c in p.said.causes[:3]}
-    return all(first & set(e.places) for e in p.truth.effects)
+    """Each effect has a cause of its own: one at a place that both share is not both."""
+    effects = p.truth.effects
+    return any(
+        all(c.place in e.places for c, e in zip(chosen, effects, strict=True))
+        for chosen in permutations(p.said.causes[:3], len(effects))
+    )
 
 
 def _both_names(p: Pair) -> bool:
