@@ -78,7 +78,7 @@ def _of_bank(path: Path, file: VerdictFile, keys: Sequence[Path]) -> list[CaseRi
     key = next((k for k in keys if digest(k) == file.key_sha256), None)
     if key is None:
         raise BankError(f"no key of {path} is given: add --key KEY.json of its bank")
-    refuse_sealed(key.parent)
+    refuse_sealed(key)
     truths = msgspec.json.decode(key.read_bytes(), type=Key).cases
     plant = SmaPlant()
     out = []

@@ -16,6 +16,7 @@ from evaluation.calibrate.rivals import (
     NONE,
     UNLISTED,
     Said,
+    apart_from,
     folds_of,
     showing,
 )
@@ -52,8 +53,7 @@ def calibrate(
     after = fitted(cases)
     left_out: list[tuple[Said, Constants]] = []
     for part in folds_of(cases):
-        folds = {x.fold for x in part}
-        constants = fitted([x for x in cases if x.fold not in folds])
+        constants = fitted(apart_from(part, cases))
         left_out += [(x.said(constants), constants) for x in part]
     for title, scored in (
         ("as shipped", [(x.said(before), before) for x in cases]),
@@ -130,8 +130,9 @@ def _scores(cases: Held) -> Table:
         return [(s, c) for s, c in cases if s.case_rivals.truth in truths]
 
     effects = kind(LISTED, UNLISTED)
-    visible = {x.case for x in showing([s.case_rivals for s, _ in cases])}
-    clear = [(s, c) for s, c in effects if s.case_rivals.case in visible]
+    # Cases of two banks may have one name.
+    visible = {id(x) for x in showing([s.case_rivals for s, _ in cases])}
+    clear = [(s, c) for s, c in effects if id(s.case_rivals) in visible]
     answered = [(s, c) for s, c in effects if s.noticed]
     listed = [(s, c) for s, c in answered if s.case_rivals.truth == LISTED]
     other = [(s, c) for s, c in answered if s.case_rivals.truth == UNLISTED]
@@ -174,7 +175,7 @@ def _scores(cases: Held) -> Table:
         logs = [
             np.log(s.right + 1e-12)
             for s, _ in kind(truth)
-            if s.case_rivals.right.any() and s.case_rivals.case in visible
+            if s.case_rivals.right.any() and id(s.case_rivals) in visible
         ]
         if logs:
             lines.append((f"mean log probability of the right rival, {truth}",

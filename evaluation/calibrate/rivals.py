@@ -184,3 +184,10 @@ def folds_of(cases: Sequence[CaseRivals]) -> list[list[CaseRivals]]:
     part = {name: k % _PARTS for k, name in enumerate(names)}
     parts = [[x for x in cases if part[x.fold] == k] for k in range(_PARTS)]
     return [fold for fold in parts if fold]
+
+
+def apart_from(part: Sequence[CaseRivals], cases: Sequence[CaseRivals]) -> list[CaseRivals]:
+    """The cases that share no bench with a part, nor an effect of our simulator: a pair has two."""
+    folds = {x.fold for x in part}
+    names = {name for x in part if x.exact for name in x.names}
+    return [x for x in cases if x.fold not in folds and not (x.exact and x.names & names)]

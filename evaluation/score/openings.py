@@ -83,7 +83,10 @@ class Ledger:
 
 
 def refuse_sealed(key: Path) -> None:
-    """Raises BankError for a sealed key that was not opened: nothing reads it before `score`."""
-    file = key / "KEY.json"
+    """Raises BankError for a sealed key that was not opened: nothing reads it before `score`.
+
+    `key` is the file, or the folder of its `KEY.json`.
+    """
+    file = key / "KEY.json" if key.is_dir() else key
     if json.loads(file.read_text())["bank"] == SEALED and not Ledger.of().opened(digest(file)):
         raise BankError(f"{key} is sealed: give answers without it, and score them with `score`")

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from evaluation.calibrate import command
 from evaluation.calibrate.banks import cases_of
 from evaluation.calibrate.command import LEFT_OUT, calibrate
 from evaluation.calibrate.fitting import fitted, whether, which
@@ -203,3 +204,50 @@ def test_a_file_without_its_key_and_a_sealed_key_are_refused(tmp_path: Path) -> 
         cases_of(verdicts, [key])
     with pytest.raises(BankError, match=r"is not by `recover` or `check`"):
         cases_of(key.parent / "none.json", [])
+
+
+def test_a_sealed_key_is_refused_under_another_name_beside_a_key_that_is_not(
+    tmp_path: Path,
+) -> None:
+    verdicts, key = bank(tmp_path, "sealed")
+    renamed = key.rename(key.with_name("sealed.json"))
+    key.write_text(json.dumps({"format": "smad-key-1", "bank": "dev", "cases": {}}))
+    with pytest.raises(BankError, match="is sealed"):
+        cases_of(verdicts, [renamed])
+
+
+def test_cases_of_one_name_in_two_banks_are_apart() -> None:
+    some = cases(ALL)
+    imitated = [
+        replace(x, rivals=tuple(rivals(LISTED, 0.7, np.random.default_rng(4), parameters=0.7)))
+        for x in some
+        if x.truth == LISTED
+    ]
+    table = command._scores([(x.said(shipped()), shipped()) for x in [*some, *imitated]])
+    counts = {name: count for name, _, count in table.rows}
+    assert counts["effects noticed"] == "24"
+    assert counts["effects noticed, of those that parameters do not imitate"] == "16"
+
+
+def test_what_shares_an_effect_of_our_simulator_is_not_fitted_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pair = [
+        replace(x, case="pair", exact=True, fold="own simulator a", names=frozenset(("a", "z")))
+        for x in cases({LISTED: 1})
+    ]
+    alone = [
+        replace(x, case="alone", exact=True, fold="own simulator z", names=frozenset(("z",)))
+        for x in cases({LISTED: 1})
+    ]
+    fits: list[set[str]] = []
+
+    def noted(some: list[CaseRivals]) -> Constants:
+        fits.append({x.case for x in some})
+        return shipped()
+
+    monkeypatch.setattr(command, "fitted", noted)
+    monkeypatch.setattr(command, "cases_of", lambda *_: [*cases(FEW), *pair, *alone])
+    calibrate([tmp_path], [])
+    assert {"pair", "alone"} <= fits[0]
+    assert not any(len({"pair", "alone"} & fit) == 1 for fit in fits[1:])
