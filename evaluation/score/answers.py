@@ -152,8 +152,9 @@ class Answer(msgspec.Struct, frozen=True):
 
 
 class Tool(msgspec.Struct, frozen=True):
-    """What answered; `cpu_s` is the processor time of each case, where it was measured."""
+    """What answered: the digest of its code, and the processor time of each case where measured."""
 
+    source_sha256: str = ""
     cpu_s: dict[str, float] = {}
 
 
@@ -258,3 +259,8 @@ def read_pairs(verdicts: Path, key: Path, *, answered_only: bool = False) -> tup
         for c, entry in truth.cases.items()
         if c in file.verdicts or not answered_only
     ]
+
+
+def source_of(verdicts: Path) -> str:
+    """SHA-256 of the code that answered (`checkout.source_digest`); empty where it was not kept."""
+    return _read(verdicts, AnswerFile, "file of answers").tool.source_sha256

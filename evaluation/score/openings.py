@@ -63,14 +63,16 @@ class Ledger:
         *,
         cases: int,
         commit: str,
+        source_sha256: str,
         now: datetime.datetime,
     ) -> None:
-        """Append one opening to the record."""
+        """Append one opening to the record; `commit` scored, code of `source_sha256` answered."""
         line = {
             "opened": now.astimezone(datetime.UTC).strftime("%Y-%m-%d %H:%M"),
             "commit": commit,
             "key_sha256": key_sha256,
             "verdicts_sha256": verdicts_sha256,
+            "source_sha256": source_sha256,
             "cases": cases,
             "scores": {
                 f"{question}: {r.name}": None if r.value is None else round(r.value, 4)

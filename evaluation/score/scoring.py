@@ -7,7 +7,7 @@ from pathlib import Path
 
 from evaluation.checkout import commit
 from evaluation.results.record import keep
-from evaluation.score.answers import digest, read_pairs
+from evaluation.score.answers import digest, read_pairs, source_of
 from evaluation.score.openings import SEALED, Ledger
 from evaluation.score.scores import scored, tables
 from smad.report.page import Table
@@ -36,12 +36,19 @@ def run(
     if truth.bank == SEALED:
         now = datetime.datetime.now(datetime.UTC)
         ledger.enter(
-            digest(key), digest(verdicts), scored(pairs), cases=len(pairs), commit=commit(), now=now
+            digest(key),
+            digest(verdicts),
+            scored(pairs),
+            cases=len(pairs),
+            commit=commit(),
+            source_sha256=source_of(verdicts),
+            now=now,
         )
     for heading, table in by_heading.items():
         print(heading)
         print_table(table)
         print()
     if out is not None:
-        keep(out, by_heading, title=title, command="python -m evaluation score", note=note)
+        command = "python -m evaluation score" + " --answered-only" * answered_only
+        keep(out, by_heading, title=title, command=command, note=note)
     return by_heading

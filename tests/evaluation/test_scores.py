@@ -26,8 +26,8 @@ from evaluation.score.scores import (
 from evaluation.score.scoring import run
 from smad.report.page import Table
 
-OPENED = "7190a021eeda81c23647ee7713a967cf1d690b3a2d3908e28a25a6caccf8d6d1"
-LINES = 25
+OPENED = "92fdaa9a0888e0aa56ef60510ac31ac334fc10a976fe06a9c2c0a652d7d54640"
+LINES = 50
 """Of the log of openings when it was last looked at."""
 
 LAG: dict[str, Any] = {"name": "rtd_lag", "known": True, "places": ["reading_rtd"]}
@@ -163,6 +163,17 @@ def test_a_pair_wants_both_places_and_both_names(tmp_path: Path) -> None:
     assert found["pairs: both names reported"].value == pytest.approx(1 / 3)
 
 
+def test_one_cause_at_a_place_that_both_effects_share_is_not_both_places(tmp_path: Path) -> None:
+    other = DRAG | {"name": "force_creep", "places": ["force_cell_on_y", "reading_force"]}
+    one = said(cause("force_cell_on_y", "viscous_drag"), cause("film"))
+    two = said(cause("force_cell_on_y"), cause("force_cell_on_x"))
+    found = rows(
+        tmp_path,
+        {"a": (true("pair", DRAG, other), one), "b": (true("pair", DRAG, other), two)},
+    )
+    assert found["pairs: both places among the first three"].value == 0.5
+
+
 def test_of_differs_the_added_effect_and_the_plants_own_are_looked_for(tmp_path: Path) -> None:
     own = [{"places": ["film"]}, {"places": ["heat_into_water", "reading_rtd"]}]
     whole = {"parameters": 30.0, "causes": [20.0, 12.0, 10.0]}
@@ -270,6 +281,8 @@ def test_a_sealed_key_is_opened_once_and_that_is_logged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     answers, key = written(tmp_path, {"a": true("none")}, {"a": QUIET}, bank="sealed")
+    tool = {"name": "smad", "source_sha256": "ef" * 32}
+    answers.write_text(json.dumps(json.loads(answers.read_text()) | {"tool": tool}))
     ledger = Ledger.of(tmp_path)
     ledger.seal(digest(key), "KEY.json")
     monkeypatch.setattr(Ledger, "of", lambda: ledger)
@@ -278,6 +291,7 @@ def test_a_sealed_key_is_opened_once_and_that_is_logged(
     line = json.loads(ledger.record.read_text())
     assert line["scores"]["check-up: quiet benches called changed"] == 0.0
     assert line["verdicts_sha256"] == digest(answers)
+    assert line["source_sha256"] == "ef" * 32
     with pytest.raises(KeyMismatchError, match="opened before"):
         run(answers, key)
 
@@ -286,7 +300,7 @@ def test_an_opening_is_a_line_of_the_page(tmp_path: Path) -> None:
     ledger = Ledger.of(tmp_path)
     when = datetime.datetime(2030, 5, 1, 12, tzinfo=datetime.UTC)
     found = {"check-up": [Row("noticed near 3 floors", 0.987, 0.9, 1.0, 30)]}
-    ledger.enter("ab" * 32, "cd" * 32, found, cases=30, commit="abc", now=when)
+    ledger.enter("ab" * 32, "cd" * 32, found, cases=30, commit="abc", source_sha256="", now=when)
     assert "| 2030-05-01 12:00 | abc | abababababab | 30 | – | 0.99 |" in rendered(
         [], ledger.record
     )
@@ -300,13 +314,13 @@ def test_the_page_shows_every_score_and_goal_of_the_sealed_banks() -> None:
 
 
 def test_scores_are_kept_as_a_result(tmp_path: Path) -> None:
-    run(
-        *written(tmp_path, {"a": true("none")}, {"a": QUIET}), out=tmp_path / "kept.json", title="T"
-    )
+    files = written(tmp_path, {"a": true("none")}, {"a": QUIET})
+    run(*files, out=tmp_path / "kept.json", title="T", answered_only=True)
     (tmp_path / "KEY.json").unlink()
     (tmp_path / "answers.json").unlink()
     (result,) = all_results(tmp_path)
     assert result.title == "T"
+    assert result.command == "python -m evaluation score --answered-only"
     assert next(iter(result.tables)) == "Scores, check-up"
 
 
