@@ -39,6 +39,12 @@ def test_its_numbers_are_those_of_the_code() -> None:
     rows = {name: value for name, value, *_ in scores["tables"]["Scores, check-up"]["rows"]}
     share = float(rows["place right first, unlisted"].split()[0])
     assert f"right first in {share:.0%}".replace("%", " %") in TEXT
+    pairs = {row[0]: row[1:3] for row in scores["tables"]["Scores, check-up"]["rows"]}
+    named, count = pairs["pairs: both names reported"]
+    assert f"({round(float(named.split()[0]) * int(count))} of {count} pairs)" in TEXT
+    rules = scores["tables"]["By likelihood alone: right name first, of noticed listed"]["rows"]
+    ours, least = (value.split()[0] for _, value in rules)
+    assert f"({least} and {ours} of the noticed listed effects)" in TEXT
 
 
 def test_each_reference_is_cited_and_each_citation_is_a_reference() -> None:
