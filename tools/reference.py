@@ -107,7 +107,7 @@ _TRUST = {
     "place right first, listed": (_MORE, "noticed effects of the library: right place first"),
     "place right first, unlisted": (_MORE, "noticed effects outside it: right place first"),
     "right name reported, of noticed listed": (_MORE, "noticed effects of the library: right name"),
-    "right name, of names reported": (_MORE, "names given that were right"),
+    "right name, of names reported": (_MORE, "names given to noticed effects that were right"),
     "unlisted reported by name": (_LESS, "noticed effects outside the library given a name"),
 }
 """Rows of the score table that the README shows: which way is better, and plain words."""

@@ -33,13 +33,15 @@ _HEAD = """# Results of the evaluation
 Made by `python -m evaluation results` from `evaluation/results`, which also has the tables that
 are too long for a page. How the cases are made, what a floor is and what each row counts is in
 [the evaluation](../README.md). Every figure is of simulated benches: the independent plant's, but
-for control and a part of the development cases, which are of smad's own simulator. Each result is
-of the commit that it names; later code may score otherwise.
+for control and a part of the development cases, which are of smad's own simulator. Each result
+names the commit that measured it; a sealed bank's was scored by that commit and judged by the one
+of its note. Later code may score otherwise.
 """
 _LOG = """
 ## Openings
 
-One line for each use of the key of a sealed bank. Nothing may be tuned on what these lines say.
+One line for each use of the key of a sealed bank, with the commit that scored. Nothing may be tuned
+on what these lines say.
 
 """
 _MOST_WORDS = 600
