@@ -1,4 +1,4 @@
-"""Print every number of the project: speed as ratios within one run, memory, sizes.
+"""Print every number of the project: speed (a ratio is of one run), memory, sizes.
 
 python -m bench [NAME …]     all benchmarks, or the named ones; `--list` names them
 """

@@ -131,14 +131,14 @@ def _replay_s(plant: SmaPlant, run: GapRun) -> tuple[float, float, float, float]
     given = GivenPoint(plant, ModelPoint({}))
     samples = Replay(GivenRun(run).inputs(given), variant=plant.variant)
     drives = np.column_stack(
-        [run.inputs[n] for n in ("i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y")]
+        [averaged.inputs[n] for n in ("i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y")]
     )
     reference = Reference.make(plant.parameter_set)
     return (
         _least_s(lambda: plant.simulate(ModelPoint({}), averaged, fast=True)),
         _least_s(lambda: plant.simulate(ModelPoint({}), run)),
         _least_s(lambda: samples.run_setup(given.setup, dt_s=STEP_S)),
-        _least_s(lambda: reference.solve(run.t_s, drives, rtol=1e-5, atol=1e-7), times=2),
+        _least_s(lambda: reference.solve(averaged.t_s, drives, rtol=1e-5, atol=1e-7), times=2),
     )
 
 
