@@ -13,7 +13,7 @@ from evaluation.names import canonical
 from evaluation.recovery.judging import Answer
 from evaluation.recovery.running import RecoveryFile
 from evaluation.run.running import VerdictFile
-from evaluation.score.answers import CaseKey, Key, digest
+from evaluation.score.answers import CaseKey, digest, read_key
 from evaluation.score.first_step import ScoredVerdict
 from evaluation.score.openings import refuse_sealed
 from smad.diagnosis.places.bare import with_places
@@ -79,7 +79,7 @@ def _of_bank(path: Path, file: VerdictFile, keys: Sequence[Path]) -> list[CaseRi
     if key is None:
         raise BankError(f"no key of {path} is given: add --key KEY.json of its bank")
     refuse_sealed(key)
-    truths = msgspec.json.decode(key.read_bytes(), type=Key).cases
+    truths = read_key(key).cases
     plant = SmaPlant()
     out = []
     for name, raw in file.verdicts.items():

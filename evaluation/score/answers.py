@@ -239,13 +239,18 @@ def _read(path: Path, form: type[_Form], what: str) -> _Form:
         raise WithheldError(f"{path} is no {what} ({error}): give another file") from None
 
 
+def read_key(path: Path) -> Key:
+    """A key. Raises WithheldError for a file that is none."""
+    return _read(path, Key, "key")
+
+
 def read_pairs(verdicts: Path, key: Path, *, answered_only: bool = False) -> tuple[Key, list[Pair]]:
     """The key, and its cases with what was said of them; a case without an answer is refused.
 
     With `answered_only` it is left out instead. Raises WithheldError for a file that is neither,
     KeyMismatchError when the two do not belong together.
     """
-    file, truth = _read(verdicts, AnswerFile, "file of answers"), _read(key, Key, "key")
+    file, truth = _read(verdicts, AnswerFile, "file of answers"), read_key(key)
     if file.key_sha256 != digest(key):
         raise KeyMismatchError(
             f"the answers are on a bank with the key {file.key_sha256[:12] or 'none'}…, not "

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from evaluation.errors import BankError, KeyMismatchError
 from evaluation.results.record import FOLDER
-from evaluation.score.answers import digest
+from evaluation.score.answers import digest, read_key
 from evaluation.score.goals import Row
 
 SEALED = "sealed"
@@ -87,8 +87,8 @@ class Ledger:
 def refuse_sealed(key: Path) -> None:
     """Raises BankError for a sealed key that was not opened: nothing reads it before `score`.
 
-    `key` is the file, or the folder of its `KEY.json`.
+    `key` is the file, or the folder of its `KEY.json`. Raises WithheldError for what is none.
     """
     file = key / "KEY.json" if key.is_dir() else key
-    if json.loads(file.read_text())["bank"] == SEALED and not Ledger.of().opened(digest(file)):
+    if read_key(file).bank == SEALED and not Ledger.of().opened(digest(file)):
         raise BankError(f"{key} is sealed: give answers without it, and score them with `score`")

@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 
 from evaluation.command import main
-from evaluation.errors import KeyMismatchError
+from evaluation.errors import KeyMismatchError, WithheldError
 from evaluation.results.page import markdown_table, rendered
 from evaluation.results.record import FOLDER, all_results
 from evaluation.score.answers import digest, read_pairs
 from evaluation.score.goals import Row
 from evaluation.score.intervals import wilson
-from evaluation.score.openings import Ledger
+from evaluation.score.openings import Ledger, refuse_sealed
 from evaluation.score.scores import (
     calibration,
     calibration_by_chance,
@@ -294,6 +294,11 @@ def test_a_sealed_key_is_opened_once_and_that_is_logged(
     assert line["source_sha256"] == "ef" * 32
     with pytest.raises(KeyMismatchError, match="opened before"):
         run(answers, key)
+
+
+def test_a_folder_without_a_key_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(WithheldError, match=r"KEY\.json cannot be read"):
+        refuse_sealed(tmp_path / "KEY.json")
 
 
 def test_an_opening_is_a_line_of_the_page(tmp_path: Path) -> None:
