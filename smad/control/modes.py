@@ -12,13 +12,9 @@ from smad.control.cooling import Pump, Switch
 from smad.control.feedforward import Anticipation
 from smad.control.hold import Direction, PairTemperatureControl, QuietHold
 from smad.control.pi import PI
-from smad.control.sample import Sample
+from smad.control.sample import LONGEST_STEP_S, Sample
 from smad.control.setpoint import Output
 from smad.control.trajectories import ReferenceQueue
-
-LONGEST_STEP_S = 0.1
-"""After a longer silence the trajectories go on with the board's time, but the integrals do not
-take in an error that was measured once as if it had lasted so long."""
 
 
 class IdleMode:

@@ -309,6 +309,20 @@ def test_the_on_time_of_one_arming_is_bounded() -> None:
     assert controller.limiting == HostLimit.ON_TIME
 
 
+def test_limits_count_all_of_a_silence_but_the_current_rises_for_a_tenth_of_a_second() -> None:
+    limits = LimitsConfig(on_time_max_s=2.0, current_rate_max_A_per_s=1.0)
+    controller = Controller(ControlConfig(), limits)
+    controller.step(sample(0, rtd_degC=(75.0, 25.0, 27.0, 27.0)))
+    controller.command(DriveCurrent(i_x_A=1.0))
+    drive(controller, range(1, 11), rtd_degC=(75.0, 25.0, 27.0, 27.0))
+    # Water took 30 K in half a second, as it may; the sensor is not broken.
+    (output,) = drive(controller, [60], rtd_degC=(45.0, 25.0, 27.0, 27.0))
+    assert controller.trip is None
+    assert output.i_A[0] == pytest.approx(0.2)
+    drive(controller, [260])
+    assert controller.limiting == HostLimit.ON_TIME
+
+
 def test_the_current_rises_no_faster_than_allowed_and_falls_at_once() -> None:
     controller = Controller(ControlConfig(), LimitsConfig(current_rate_max_A_per_s=100.0))
     controller.step(sample(0))
