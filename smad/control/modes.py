@@ -70,10 +70,10 @@ class DisplacementMode:
     def tune(self, command: Tune) -> None:
         """Take the fields of `command` that are not empty."""
         pi = self._pi
-        if command.kp_A_per_mm is not None:
-            pi.kp = command.kp_A_per_mm * 1e3
         if command.ki_A_per_mm_s is not None:
             pi.ki = command.ki_A_per_mm_s * 1e3
+        if command.kp_A_per_mm is not None:
+            pi.retune(command.kp_A_per_mm * 1e3)
         if command.hold_band_mm is not None:
             self._hold.band_m = command.hold_band_mm * 1e-3
         if command.current_limit_A is not None:

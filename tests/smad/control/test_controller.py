@@ -185,6 +185,25 @@ def test_tuning_changes_gains_and_cooling_while_it_runs() -> None:
     assert output.pump_duty == (0.0, 0.0)
 
 
+@pytest.mark.parametrize("kp_A_per_mm", [7.0, 14.0, 56.0])
+def test_a_gain_that_changes_while_it_follows_leaves_the_current_as_it_is(
+    kp_A_per_mm: float,
+) -> None:
+    controller = started(STEP_UP)
+    before = drive(controller, range(1, 20), lambda k: 0.0049)[-1]
+    controller.command(Tune(kp_A_per_mm=kp_A_per_mm))
+    after = controller.step(sample(20, displacement_m=0.0049))
+    assert 2.0 < before.i_A[0] < 4.0
+    assert after.i_A == pytest.approx(before.i_A, abs=0.03)
+
+
+def test_a_gain_that_changes_nothing_yet_leaves_the_integral_as_it_is() -> None:
+    controller = started(STEP_UP)
+    drive(controller, range(1, 20), lambda k: 0.0)
+    controller.command(Tune(kp_A_per_mm=14.0))
+    assert drive(controller, [20, 21], lambda k: 0.0049)[-1].i_A[0] == pytest.approx(1.4, abs=0.1)
+
+
 def test_tuning_cannot_raise_the_current_above_the_configured_limit() -> None:
     controller = started(
         STEP_UP, Tune(current_limit_A=3.0), config=ControlConfig(current_limit_A=2.0)
