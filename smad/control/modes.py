@@ -78,6 +78,7 @@ class DisplacementMode:
             self._hold.band_m = command.hold_band_mm * 1e-3
         if command.current_limit_A is not None:
             self._limit_A = min(self._largest_A, command.current_limit_A)
+            self._anticipation.current_A = self._limit_A
         if command.cooling is not None:
             for pump in self._pumps:
                 pump.mode = command.cooling
