@@ -23,7 +23,7 @@ from smad.control.modes import (
     IdleMode,
     TemperatureMode,
 )
-from smad.control.sample import Sample
+from smad.control.sample import LONGEST_STEP_S, Sample
 from smad.control.setpoint import Output
 from smad.errors import CommandError
 
@@ -140,7 +140,8 @@ class Controller:
         i_A = self._limits.apply(sample, *wanted.i_A, dt_s, staged=self._stage.in_use)
         if self._limits.trip is not None:
             return self._stop()
-        self._output = Output(i_A, wanted.pump_duty, wanted.drain, self._stage.step(dt_s))
+        stage_m = self._stage.step(min(dt_s, LONGEST_STEP_S))
+        self._output = Output(i_A, wanted.pump_duty, wanted.drain, stage_m)
         return self._output
 
     def _elapsed(self, sample: Sample) -> float:

@@ -153,6 +153,12 @@ def test_the_stage_moves_beside_a_temperature_hold() -> None:
     assert drive(controller, range(101, 220))[-1].stage_m == 0.020
 
 
+def test_after_a_silence_the_stage_does_not_catch_up_at_once() -> None:
+    controller = started(MoveStage(stage_mm=50.0, rate_mm_per_s=100.0))
+    before, after = drive(controller, [1, 60])
+    assert (before.stage_m, after.stage_m) == pytest.approx((0.001, 0.011))
+
+
 def test_a_bench_that_never_moved_its_stage_is_not_asked_to() -> None:
     assert drive(started(STEP_UP), range(1, 5))[-1].stage_m is None
 
