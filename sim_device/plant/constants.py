@@ -141,11 +141,12 @@ def water_heat_capacity() -> float:
 def mounting(
     parameters: ParameterSet, *, fixture: str, cooling: str, temperature_K: float | None = None
 ) -> dict[str, float]:
-    """The kernel's `Mounting`, by name: cold, all martensite, mounted as the fixture says.
+    """The kernel's `Mounting`, by name: all martensite, mounted as the fixture says.
 
     The antagonistic pair and the blocked spring start at (δ0, F0) with ξ_S0 of Eq. (10), a spring
     to be stretched starts without load. `temperature_K` is that of wire and water; by default the
-    water's inlet temperature, or the ambient one in air.
+    water's inlet temperature, or the ambient one in air. Give none far above A_S + τ/C_A: such a
+    start stays martensite until it has been cold once.
     """
     inlet, air = parameters["water_temperature"], parameters["ambient_temperature"]
     if temperature_K is None:

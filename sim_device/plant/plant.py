@@ -67,6 +67,7 @@ class Plant:
     tube), "air" (bare wire) or "bath" (bare wire in water at rest). effects: name to
     parameters, see `sim_device.plant.effects`. laws: what is missing at places of the model,
     see `sim_device.plant.laws`. seed: of the sensor noise. max_step_s: longest substep.
+    temperature_K: of wire and water at the start, all martensite; None: `constants.mounting`.
     """
 
     def __init__(

@@ -144,7 +144,7 @@ class ControlConfig(Section, frozen=True, kw_only=True):
         float, between(0.0, HOST.current_mA / 1000, "largest current in a spring")
     ] = 4.0
     anti_windup_time_s: Annotated[
-        float, between(0.01, 100.0, "how fast the integral follows a saturated output")
+        float, between(0.01, 100.0, "the integral fades so while it saturates the output")
     ] = 0.5
     handover_rate_mm_per_s: Annotated[
         float, between(0.01, 100.0, "reference speed between two queued trajectories")

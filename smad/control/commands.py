@@ -267,7 +267,7 @@ class Tune(Command, tag="tune", frozen=True, kw_only=True):
         bool | None, Meta(description="add the inverse of the model to the PI output")
     ] = None
     drain_before_heating: Annotated[
-        bool | None, Meta(description="let the water out of a tube before its spring is heated")
+        bool | None, Meta(description="let the water out of a tube while its spring is heated")
     ] = None
 
 

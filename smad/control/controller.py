@@ -18,13 +18,12 @@ from smad.control.inforce import tune_of, tuned
 from smad.control.inputs import Departure, InputsMode
 from smad.control.limits import HostLimit, HostLimits, Trip
 from smad.control.modes import (
-    LONGEST_STEP_S,
     CurrentMode,
     DisplacementMode,
     IdleMode,
     TemperatureMode,
 )
-from smad.control.sample import Sample
+from smad.control.sample import LONGEST_STEP_S, Sample
 from smad.control.setpoint import Output
 from smad.errors import CommandError
 
@@ -90,7 +89,8 @@ class Controller:
         """Take a command. Raises CommandError, naming field, value and limit, and changing nothing.
 
         The mode that runs hands over without a bump: the current that flows is the current that the
-        new mode starts from, and a displacement reference starts at the measured displacement.
+        new mode starts from, unless its error alone asks for more than the integral can take away.
+        A displacement reference starts at the measured displacement.
         """
         command = checked(command)
         match command:
@@ -137,12 +137,11 @@ class Controller:
             if isinstance(mode, InputsMode):
                 self.departure = mode.departure
             self._mode = IdleMode()
-        i_A = self._limits.apply(
-            sample, *wanted.i_A, min(dt_s, LONGEST_STEP_S), staged=self._stage.in_use
-        )
+        i_A = self._limits.apply(sample, *wanted.i_A, dt_s, staged=self._stage.in_use)
         if self._limits.trip is not None:
             return self._stop()
-        self._output = Output(i_A, wanted.pump_duty, wanted.drain, self._stage.step(dt_s))
+        stage_m = self._stage.step(min(dt_s, LONGEST_STEP_S))
+        self._output = Output(i_A, wanted.pump_duty, wanted.drain, stage_m)
         return self._output
 
     def _elapsed(self, sample: Sample) -> float:

@@ -112,14 +112,16 @@ class SpringHeat:
 class Anticipation:
     """Decides when to reverse, from the dead times of both springs."""
 
-    __slots__ = ("_called", "_current_A", "_model", "_springs", "direction")
+    __slots__ = ("_called", "_model", "_springs", "_warm_degC", "current_A", "direction")
 
     def __init__(self, model: FeedforwardConfig, current_A: float) -> None:
         self._model = model
-        self._current_A = current_A
+        self.current_A = current_A
+        """With which a spring is heated at a reversal."""
         self.direction = 1
         self._called = [False, False]
         self._springs: tuple[SpringHeat, SpringHeat] | None = None
+        self._warm_degC = [model.inlet_degC, model.inlet_degC]
 
     def reset(self) -> None:
         """Forget the estimates; the next sample starts them at the measured temperatures."""
@@ -133,24 +135,30 @@ class Anticipation:
         drain: tuple[bool, bool],
         dt_s: float,
     ) -> Advice:
-        """Advice for the next control step; `reference_m(lead_s)` looks ahead."""
-        model, rtd = self._model, sample.rtd_degC
+        """Advice for the next control step; `reference_m(lead_s)` looks ahead.
+
+        For a spring whose temperature is not read its last one counts.
+        """
+        model, rtd, warm = self._model, sample.rtd_degC, self._warm_degC
         inlet_degC = model.inlet_degC if math.isnan(rtd[2]) else rtd[2]
+        for k in (0, 1):
+            if not math.isnan(rtd[k]):
+                warm[k] = rtd[k]
         if self._springs is None:
-            self._springs = (SpringHeat(model, rtd[0]), SpringHeat(model, rtd[1]))
+            self._springs = (SpringHeat(model, warm[0]), SpringHeat(model, warm[1]))
         x, y = self._springs
-        x.update(rtd[0], inlet_degC, sample.pump_duty[0], drain[0], dt_s)
-        y.update(rtd[1], inlet_degC, sample.pump_duty[1], drain[1], dt_s)
+        x.update(warm[0], inlet_degC, sample.pump_duty[0], drain[0], dt_s)
+        y.update(warm[1], inlet_degC, sample.pump_duty[1], drain[1], dt_s)
         stress = model.stress_MPa_per_N * max(0.0, sample.force_N)
         pulls_degC = model.austenite_start_degC + stress / model.slope_austenite_MPa_per_K
         yields_degC = (
             model.martensite_start_degC
             + max(0.0, stress - model.stress_start_MPa) / model.slope_martensite_MPa_per_K
         )
-        heat_x_s = x.time_to_heat(rtd[0], pulls_degC, self._current_A)
-        heat_y_s = y.time_to_heat(rtd[1], pulls_degC, self._current_A)
-        up_s = max(heat_x_s, y.time_to_cool(rtd[1], yields_degC, inlet_degC))
-        down_s = max(heat_y_s, x.time_to_cool(rtd[0], yields_degC, inlet_degC))
+        heat_x_s = x.time_to_heat(warm[0], pulls_degC, self.current_A)
+        heat_y_s = y.time_to_heat(warm[1], pulls_degC, self.current_A)
+        up_s = max(heat_x_s, y.time_to_cool(warm[1], yields_degC, inlet_degC))
+        down_s = max(heat_y_s, x.time_to_cool(warm[0], yields_degC, inlet_degC))
         self._decide(reference_m(up_s), reference_m(down_s), sample.displacement_m)
         if self.direction > 0:
             return Advice(1, up_s, heat_x_s > _SOON_S)

@@ -5,7 +5,7 @@ import math
 from dataclasses import dataclass
 
 from smad.config import LimitsConfig
-from smad.control.sample import Sample
+from smad.control.sample import LONGEST_STEP_S, Sample
 
 FOLD_BACK_K = 2.0
 """Over so many kelvin below the temperature limit the current limit falls to zero: a spring at
@@ -152,7 +152,7 @@ class HostLimits:
             if i_A > allowed_A:
                 i_A = allowed_A
                 acting = _TEMPERATURE[k].value
-        rise_A = self._previous_A[k] + config.current_rate_max_A_per_s * dt_s
+        rise_A = self._previous_A[k] + config.current_rate_max_A_per_s * min(dt_s, LONGEST_STEP_S)
         if i_A > rise_A:
             i_A = rise_A
             acting |= HostLimit.CURRENT_RATE.value

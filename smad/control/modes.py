@@ -12,13 +12,9 @@ from smad.control.cooling import Pump, Switch
 from smad.control.feedforward import Anticipation
 from smad.control.hold import Direction, PairTemperatureControl, QuietHold
 from smad.control.pi import PI
-from smad.control.sample import Sample
+from smad.control.sample import LONGEST_STEP_S, Sample
 from smad.control.setpoint import Output
 from smad.control.trajectories import ReferenceQueue
-
-LONGEST_STEP_S = 0.1
-"""After a longer silence the trajectories go on with the board's time, but the integrals do not
-take in an error that was measured once as if it had lasted so long."""
 
 
 class IdleMode:
@@ -74,14 +70,15 @@ class DisplacementMode:
     def tune(self, command: Tune) -> None:
         """Take the fields of `command` that are not empty."""
         pi = self._pi
-        if command.kp_A_per_mm is not None:
-            pi.kp = command.kp_A_per_mm * 1e3
         if command.ki_A_per_mm_s is not None:
             pi.ki = command.ki_A_per_mm_s * 1e3
+        if command.kp_A_per_mm is not None:
+            pi.retune(command.kp_A_per_mm * 1e3)
         if command.hold_band_mm is not None:
             self._hold.band_m = command.hold_band_mm * 1e-3
         if command.current_limit_A is not None:
             self._limit_A = min(self._largest_A, command.current_limit_A)
+            self._anticipation.current_A = self._limit_A
         if command.cooling is not None:
             for pump in self._pumps:
                 pump.mode = command.cooling

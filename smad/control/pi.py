@@ -10,7 +10,7 @@ class PI:
     keeps the full current until it is small.
     """
 
-    __slots__ = ("_fade_time_s", "high", "integral", "ki", "kp", "low")
+    __slots__ = ("_error", "_fade_time_s", "high", "integral", "ki", "kp", "low")
 
     def __init__(
         self, kp: float, ki: float, low: float, high: float, anti_windup_time_s: float
@@ -21,13 +21,23 @@ class PI:
         self.high = high
         self._fade_time_s = anti_windup_time_s
         self.integral = 0.0
+        self._error = 0.0
 
     def preset(self, output: float, error: float = 0.0) -> None:
         """Choose the integral so that the next output at `error` is `output` (bumpless change)."""
-        self.integral = min(self.high, max(self.low, output - self.kp * error))
+        self.integral = self._held(output - self.kp * error)
+        self._error = error
+
+    def retune(self, kp: float) -> None:
+        """Take another proportional gain; with an integral gain the output stays as it is."""
+        output = self._held(self.kp * self._error + self.integral)
+        self.kp = kp
+        if self.ki > 0.0 and self._held(kp * self._error + self.integral) != output:
+            self.preset(output, self._error)
 
     def step(self, error: float, dt_s: float, feedforward: float = 0.0) -> float:
         """The output after `dt_s` seconds at `error`, within the bounds."""
+        self._error = error
         proportional = feedforward + self.kp * error
         integral = self.integral + self.ki * error * dt_s
         unlimited = proportional + integral
@@ -35,8 +45,11 @@ class PI:
             integral = self._saturated(1.0, integral, dt_s)
         elif unlimited < self.low:
             integral = self._saturated(-1.0, integral, dt_s)
-        self.integral = min(self.high, max(self.low, integral))
-        return min(self.high, max(self.low, proportional + self.integral))
+        self.integral = self._held(integral)
+        return self._held(proportional + self.integral)
+
+    def _held(self, value: float) -> float:
+        return min(self.high, max(self.low, value))
 
     def _saturated(self, sign: float, integral: float, dt_s: float) -> float:
         if (integral - self.integral) * sign > 0.0:

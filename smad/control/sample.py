@@ -9,6 +9,10 @@ from firmware_protocol.enums import BoardState, ValidBit
 from firmware_protocol.messages import State
 from firmware_protocol.parameters import BY_NAME
 
+LONGEST_STEP_S = 0.1
+"""After a longer silence the trajectories go on with the board's time, but the integrals do not
+take in an error that was measured once as if it had lasted so long, nor does a current rise or the
+stage move so."""
 INVALID = math.nan
 """Stands for a measurement that the board marks as invalid."""
 

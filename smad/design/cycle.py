@@ -35,7 +35,7 @@ CYCLES = 2
 
 @dataclass(frozen=True, kw_only=True)
 class Design:
-    """What a pair gives. Stroke is half the way from end to end; power the mean of both springs.
+    """What a pair gives. Stroke is half the way from end to end; powers are the pair's.
 
     outside: what lies outside the range in which the model was checked.
     """

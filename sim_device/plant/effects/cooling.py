@@ -126,7 +126,7 @@ WATER: tuple[Effect, ...] = (
     ),
     Effect(
         name="valve_leak",
-        title="part of one side's water reaches the other side",
+        title="each pump also sends water through the other side's tube",
         subsystem="water",
         places=("flow_before_pump", "flow_behind_pump"),
         equation="Q_X → Q_X + s Q_Y, Q_Y → Q_Y + s Q_X",

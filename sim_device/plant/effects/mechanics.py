@@ -105,7 +105,7 @@ MECHANICS: tuple[Effect, ...] = (
         title="the spring keeps a little elongation from each cycle",
         subsystem="mechanics",
         places=("recoverable_strain",),
-        equation="δ += e n, n = ½ ∫|dξ|",
+        equation="δ += e n, n = ½ ∫|dξ|: some tens of cycles, since nothing levels off",
         parameters=(
             strength("per_cycle_m", "m", (-1e-3, 1e-4, 1e-3), either(1e-4), "e of a cycle",
                      term="elongation"),

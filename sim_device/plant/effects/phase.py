@@ -32,7 +32,8 @@ PHASE: tuple[Effect, ...] = (
         title="transformation temperatures and strain change with each cycle",
         subsystem="phase",
         places=("transformation_shift", "recoverable_strain"),
-        equation="A_S, A_F, M_S, M_F → … + s n;  δ_L → δ_L (1 − l n), n = ½ ∫|dξ|",
+        equation="A_S, A_F, M_S, M_F → … + s n;  δ_L → δ_L (1 − l n), n = ½ ∫|dξ|: some tens of"
+        " cycles, since nothing levels off",
         parameters=(
             strength("shift_K", "K", (-2, -0.3, 2), either(0.2), "shift s of a cycle",
                      term="fatigue_shift"),
@@ -50,7 +51,8 @@ PHASE: tuple[Effect, ...] = (
         title="an intermediate R-phase on cooling",
         subsystem="phase",
         places=("recoverable_strain", "resistance"),
-        equation="austenite → R from M_S + a to M_S + a − w on cooling; δ += ε δ_L q, R += ρ q R0",
+        equation="austenite → R from M_S + a to M_S + a − w on cooling, back 2 K above;"
+        " δ += ε δ_L q, R += ρ q R0",
         parameters=(
             strength("strain", "1", (-0.5, 0.03, 0.5), either(0.03), "ε, share of δ_L",
                      term="r_strain"),

@@ -67,7 +67,7 @@ THERMAL: tuple[Effect, ...] = (
         title="the water cools the wire from its inlet on",
         subsystem="thermal",
         places=("heat_into_water", "reading_rtd"),
-        equation="five cells along the tube, C_w′ dT_w,i/dt = h π d (T_i − T_w,i) − …"
+        equation="five cells along the tube, φ C_w′ dT_w,i/dt = h π d (T_i − T_w,i) − …"
         " − 5 (Qρc/L)(T_w,i − T_w,i−1); RTD: T_r = T + s (T_z − T), outflow: T_w + s (T_w,5 − T_w)",
         parameters=(
             strength("share", "1", (0, 0.8, 1), half(0.5), "share s of plug flow", term="front"),

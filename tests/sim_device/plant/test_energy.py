@@ -54,9 +54,10 @@ def test_over_a_closed_cycle_the_conserving_set_gives_back_all_its_heat():
     ) == pytest.approx(heat_in, rel=3e-3)
 
 
-def test_the_papers_unequal_numbers_lose_heat_and_the_book_says_how_much():
-    book = driven(Plant(load_parameters("A")), [*CYCLE, (120.0, Drive(pump_duty=(1, 1)))]).energy
-    assert book.unequal < -0.05 * book.heat_in
+@pytest.mark.parametrize(("name", "most", "least"), [("A", -0.21, -0.16), ("B", -0.37, -0.33)])
+def test_the_papers_unequal_numbers_lose_heat_and_the_book_says_how_much(name, most, least):
+    book = driven(Plant(load_parameters(name)), [*CYCLE, (120.0, Drive(pump_duty=(1, 1)))]).energy
+    assert most * book.heat_in < book.unequal < least * book.heat_in
     out = book.heat_to_water + book.heat_to_air + book.stored
     assert out == pytest.approx(book.heat_in + book.unequal, rel=1e-3)
 

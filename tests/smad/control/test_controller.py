@@ -153,6 +153,12 @@ def test_the_stage_moves_beside_a_temperature_hold() -> None:
     assert drive(controller, range(101, 220))[-1].stage_m == 0.020
 
 
+def test_after_a_silence_the_stage_does_not_catch_up_at_once() -> None:
+    controller = started(MoveStage(stage_mm=50.0, rate_mm_per_s=100.0))
+    before, after = drive(controller, [1, 60])
+    assert (before.stage_m, after.stage_m) == pytest.approx((0.001, 0.011))
+
+
 def test_a_bench_that_never_moved_its_stage_is_not_asked_to() -> None:
     assert drive(started(STEP_UP), range(1, 5))[-1].stage_m is None
 
@@ -183,6 +189,25 @@ def test_tuning_changes_gains_and_cooling_while_it_runs() -> None:
     output = drive(controller, range(1, 5))[-1]
     assert output.i_A[0] == pytest.approx(0.5)
     assert output.pump_duty == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("kp_A_per_mm", [7.0, 14.0, 56.0])
+def test_a_gain_that_changes_while_it_follows_leaves_the_current_as_it_is(
+    kp_A_per_mm: float,
+) -> None:
+    controller = started(STEP_UP)
+    before = drive(controller, range(1, 20), lambda k: 0.0049)[-1]
+    controller.command(Tune(kp_A_per_mm=kp_A_per_mm))
+    after = controller.step(sample(20, displacement_m=0.0049))
+    assert 2.0 < before.i_A[0] < 4.0
+    assert after.i_A == pytest.approx(before.i_A, abs=0.03)
+
+
+def test_a_gain_that_changes_nothing_yet_leaves_the_integral_as_it_is() -> None:
+    controller = started(STEP_UP)
+    drive(controller, range(1, 20), lambda k: 0.0)
+    controller.command(Tune(kp_A_per_mm=14.0))
+    assert drive(controller, [20, 21], lambda k: 0.0049)[-1].i_A[0] == pytest.approx(1.4, abs=0.1)
 
 
 def test_tuning_cannot_raise_the_current_above_the_configured_limit() -> None:
@@ -306,6 +331,20 @@ def test_the_on_time_of_one_arming_is_bounded() -> None:
     outputs = drive(controller, range(1, 150))
     assert outputs[95].i_A == (1.0, 0.0)
     assert outputs[-1].i_A == (0.0, 0.0)
+    assert controller.limiting == HostLimit.ON_TIME
+
+
+def test_limits_count_all_of_a_silence_but_the_current_rises_for_a_tenth_of_a_second() -> None:
+    limits = LimitsConfig(on_time_max_s=2.0, current_rate_max_A_per_s=1.0)
+    controller = Controller(ControlConfig(), limits)
+    controller.step(sample(0, rtd_degC=(75.0, 25.0, 27.0, 27.0)))
+    controller.command(DriveCurrent(i_x_A=1.0))
+    drive(controller, range(1, 11), rtd_degC=(75.0, 25.0, 27.0, 27.0))
+    # Water took 30 K in half a second, as it may; the sensor is not broken.
+    (output,) = drive(controller, [60], rtd_degC=(45.0, 25.0, 27.0, 27.0))
+    assert controller.trip is None
+    assert output.i_A[0] == pytest.approx(0.2)
+    drive(controller, [260])
     assert controller.limiting == HostLimit.ON_TIME
 
 

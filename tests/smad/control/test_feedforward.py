@@ -11,7 +11,7 @@ from sim_device.plant import Drive, Plant, load_parameters
 from smad.config import ControlConfig, CoolingConfig, FeedforwardConfig
 from smad.control.commands import Follow, Sine, Tune
 from smad.control.controller import Controller
-from smad.control.feedforward import LONGEST_LEAD_S, Anticipation, SpringHeat
+from smad.control.feedforward import LONGEST_LEAD_S, Advice, Anticipation, SpringHeat
 from smad.control.metrics import tracking_r2
 from smad.control.plan import Do, Plan, UntilDone
 from smad.control.runner import run_virtual
@@ -102,6 +102,41 @@ def test_a_reference_that_goes_on_is_not_turned() -> None:
         lambda lead: 0.0025 + 0.001 * lead, here, (False, False), DT_S
     )
     assert advice.direction == 1
+
+
+@pytest.mark.parametrize("missed", [0, 5])
+def test_a_temperature_that_is_not_read_once_leaves_the_advice_as_it_was(missed: int) -> None:
+    def advised(gap: bool) -> list[Advice]:
+        anticipation = Anticipation(MODEL, 4.0)
+        read = (42.0, 26.85, 26.85, 26.85)
+        return [
+            anticipation.step(
+                lambda lead: -0.001,
+                sample(k, rtd_degC=(42.0, math.nan, *read[2:]) if gap and k == missed else read),
+                (False, False),
+                DT_S,
+            )
+            for k in range(10)
+        ]
+
+    assert advised(True) == advised(False)
+    assert advised(True)[-1].lead_s > 0.1
+
+
+def test_with_a_lower_limit_of_current_a_reversal_begins_earlier() -> None:
+    def begins_at(limit_A: float) -> int:
+        controller = Controller(ControlConfig(feedforward=FeedforwardConfig(enabled=True)))
+        controller.step(sample(0))
+        controller.command(Tune(current_limit_A=limit_A))
+        controller.command(Follow(trajectories=(Sine(amplitude_mm=2.0, period_s=12.0, cycles=1),)))
+        for k in range(1, 1200):
+            here_m = 0.002 * math.sin(math.tau * 0.01 * k / 12.0)
+            warm = sample(k, rtd_degC=(35.0, 28.0, 27.0, 27.0), displacement_m=here_m)
+            if controller.step(warm).i_A[1] > 0.0:
+                return k
+        raise AssertionError("never reversed")
+
+    assert begins_at(2.5) < begins_at(4.0) - 20
 
 
 def test_without_a_sensor_in_the_water_the_configured_inlet_is_taken() -> None:
