@@ -33,7 +33,7 @@ PHASE: tuple[Effect, ...] = (
         subsystem="phase",
         places=("transformation_shift", "recoverable_strain"),
         equation="A_S, A_F, M_S, M_F → … + s n;  δ_L → δ_L (1 − l n), n = ½ ∫|dξ|: some tens of"
-        " cycles, since nothing levels off",
+        " cycles, since nothing levels off but δ_L at 0",
         parameters=(
             strength("shift_K", "K", (-2, -0.3, 2), either(0.2), "shift s of a cycle",
                      term="fatigue_shift"),
@@ -94,7 +94,7 @@ PHASE: tuple[Effect, ...] = (
         title="latent heat depends on stress",
         subsystem="phase",
         places=("heat_into_wire",),
-        equation="L → L [1 + λ (τ − τ_0)/100 MPa], τ_0 at F0",
+        equation="L → L [1 + λ (τ − τ_0)/100 MPa], at least 0, τ_0 at F0",
         parameters=(
             strength("slope", "1", (-1, 0.8, 3), either(0.6), "λ per 100 MPa", term="latent_slope"),
             Y_SHARE,

@@ -136,7 +136,8 @@ def set_up_heat_balance(
     w.latent_factor = 1.0
     if e.latent_slope != 0.0:
         stress = p.C1 * (s.tension - p.F0) / STRESS_REF_PA
-        w.latent_factor = 1.0 + e.latent_slope * stress
+        # Of a slack spring a steep slope would make it negative: the step would have no one root.
+        w.latent_factor = max(1.0 + e.latent_slope * stress, 0.0)
     soft = 2.0 / stiff
     w.T_star = right * soft - T
     soft = soft * per_dt * w.latent_factor

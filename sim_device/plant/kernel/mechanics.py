@@ -41,7 +41,7 @@ def inelastic_deflection(
     reach = p.delta_L
     if e.adds_strain == 0.0:
         return reach * xi_S + s.forced_deflection, reach, 0.0
-    reach = reach * (1.0 - e.fatigue_shrink * s.cycles)
+    reach = reach * max(1.0 - e.fatigue_shrink * s.cycles, 0.0)
     extra = e.r_strain * p.delta_L * s.r_fraction + e.elongation * s.cycles + s.forced_deflection
     if e.cold_ends > 0.0:
         end, end_F = end_fraction(F, s, p)

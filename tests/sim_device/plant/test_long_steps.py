@@ -128,3 +128,26 @@ def test_an_rtd_that_lags_shows_the_same_in_steps_of_any_length(tau_s: float) ->
     seldom = Inputs(often.t_s[every], *means)
     long = simulate(P, seldom, effects={"rtd_lag": {"tau_s": tau_s}}, outputs=SHOWN)["rtd_x_degC"]
     assert np.sqrt(np.mean(np.square(long - shown[every]))) < 0.03
+
+
+def test_a_latent_heat_that_falls_with_stress_is_not_negative_in_a_slack_spring() -> None:
+    drive = alternating(seconds=30.0, amps=2.9)
+    held = Inputs(drive.t_s, drive.i_A, drive.pump_duty, stage_m=np.zeros(drive.t_s.size))
+    steep = {"stress_latent": {"slope": 3.0}}
+    long, short = (
+        simulate(P, held, effects=steep, fixture="stretch", outputs=("rtd_x_degC",), dt_s=dt)
+        for dt in (0.01, 0.001)
+    )
+    assert long["rtd_x_degC"] == pytest.approx(short["rtd_x_degC"], abs=0.1)
+
+
+def test_a_spring_that_has_lost_all_its_recoverable_strain_loses_no_more() -> None:
+    drive = alternating(seconds=960.0, amps=4.0, step_s=0.05)
+    worn = {"transformation_fatigue": {"shift_K": 0.0, "shrink": 0.05}}
+    run = simulate(P, drive, effects=worn, outputs=("displacement_m",), dt_s=0.05)
+    early, later, last = (
+        float(np.ptp(run["displacement_m"][(drive.t_s >= t) & (drive.t_s < t + 160.0)]))
+        for t in (0.0, 640.0, 800.0)
+    )
+    assert later < 0.7 * early
+    assert last == pytest.approx(later, rel=1e-3)
