@@ -121,6 +121,20 @@ def board_duration_s(t_s: Column) -> float:
     return float(np.maximum(np.diff(t_s), 0.0).sum())
 
 
+def row_near(run: Run, event: Event, at_s: float) -> int:
+    """Return the row that is nearest to board time `at_s` of an event.
+
+    Of a board that restarted, in the stretch in which the event came by the computer's clock.
+    """
+    t_s, host_s = run.columns["t_s"], run.columns["host_time_s"]
+    begins = np.flatnonzero(np.diff(t_s) < 0) + 1
+    came_s = -np.inf if event.host_time_s is None else event.host_time_s
+    edges = [0, *begins.tolist(), len(t_s)]
+    stretch = int(np.searchsorted(host_s[begins], came_s, side="right"))
+    begin, end = edges[stretch : stretch + 2]
+    return begin + int(np.argmin(np.abs(t_s[begin:end] - at_s)))
+
+
 def recorded(column: Column) -> NDArray[np.bool_]:
     """Where a column holds a value, shape (n,)."""
     if column.dtype.kind == "f":
