@@ -178,6 +178,7 @@ def _header(
     changes: dict[str, Any] = {
         "source": "import",
         "name": beside.name or source.stem,
+        "axes": (),
         "extra": {
             **beside.extra,
             "imported_from": source.name,
