@@ -15,7 +15,7 @@ from smad.report.page import Page, Section, Table, Text
 from smad.report.panels import Mark, Panel, Panels, Trace
 from smad.report.planes import planes_of
 from smad.runlog.header import date_of
-from smad.runlog.reader import Column, Run, recorded, row_near
+from smad.runlog.reader import Column, Run, board_time_s, recorded, row_near
 from smad.runlog.schema import Event
 from smad.style.strips import STRIPS, Curve, Strip
 from smad.units import range_in_words
@@ -59,10 +59,11 @@ class RunPart:
 
     def time_of(self, event: Event) -> float | None:
         """When an event came, in s from the run's first sample; None without a board time."""
-        if event.t_s is None:
+        at_s = board_time_s(self.run, event)
+        if at_s is None:
             return None
-        row = row_near(self.run, event, event.t_s)
-        return float(self.elapsed[row] + event.t_s - self.run.columns["t_s"][row])
+        row = row_near(self.run, event, at_s)
+        return float(self.elapsed[row] + at_s - self.run.columns["t_s"][row])
 
 
 def elapsed_s(t_s: Array) -> Array:

@@ -121,6 +121,18 @@ def board_duration_s(t_s: Column) -> float:
     return float(np.maximum(np.diff(t_s), 0.0).sum())
 
 
+def board_time_s(run: Run, event: Event) -> float | None:
+    """Return the board time of an event, from when it came where the log has several boards.
+
+    None where that is not known either.
+    """
+    host_s = run.columns["host_time_s"]
+    if event.t_s is not None or event.host_time_s is None or not recorded(host_s).any():
+        return event.t_s
+    row = int(np.nanargmin(np.abs(host_s - event.host_time_s)))
+    return float(run.columns["t_s"][row] + event.host_time_s - host_s[row])
+
+
 def row_near(run: Run, event: Event, at_s: float) -> int:
     """Return the row that is nearest to board time `at_s` of an event.
 

@@ -9,7 +9,9 @@ from pyarrow import csv, parquet
 from smad.cli import execute
 from smad.config import parse_config
 from smad.errors import RunLogError
+from smad.experiments.logs import recording_of
 from smad.records.importer import import_table
+from smad.report.runs import panels_of, run_parts
 from smad.runlog.export import side_by_side
 from smad.runlog.formats import export_axes
 from smad.runlog.header import RunHeader
@@ -154,3 +156,25 @@ def test_an_axis_of_a_recovered_log_says_where_its_holes_are(tmp_path: Path) -> 
     recover(path, tmp_path / "mended.mcap")
     (note,) = read_run(extract(tmp_path / "mended.mcap", "yaw-1")).notes
     assert note.startswith("no samples from 0.990 to 3.000 s")
+
+
+def test_the_marks_of_an_experiment_on_one_of_several_axes_are_found_by_when_they_came(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "run.mcap"
+    rows = [
+        (Row(t_s=begin + k * 0.01, host_time_s=BEGUN_S + k * 0.01), axis, BEGUN_S + k * 0.01)
+        for k in range(500)
+        for axis, begin in (("pitch-1", 5.0), ("yaw-1", 90.0))
+    ]
+    # The daemon of several boards has no board time for an event.
+    marks = [
+        Event(host_time_s=BEGUN_S + at_s, kind="note", text=f"mark {name}")
+        for name, at_s in (("heat", 1.002), ("cool", 3.002))
+    ]
+    write_run(path, RunHeader(axes=NAMES), [*rows, *marks])
+    run = read_run(extract(path, "yaw-1"))
+    recording = recording_of(run)
+    assert recording.marks == pytest.approx({"heat": 91.002, "cool": 93.002})
+    assert len(recording.between("heat", "cool").t_s) == 200
+    assert [mark.x for mark in panels_of(run_parts([run])).marks] == pytest.approx([1.002, 3.002])
