@@ -128,7 +128,7 @@ def replay(recording: Recording, model: ParameterSet, variant: str) -> Array:
         return np.nan_to_num(np.column_stack([recording[name.format(s)] for s in "xy"]))
 
     inputs = Inputs(t_s=recording.t_s, i_A=pair("i_applied_{}_A"), pump_duty=pair("duty_{}"))
-    start_K = float(np.mean(recording["rtd_x_degC"][:10])) + ZERO_C
+    start_K = float(np.nanmean(recording["rtd_x_degC"][:10])) + ZERO_C
     out = simulate(model, inputs, variant=variant, temperature_K=start_K, outputs=("T_x_K",))
     return out["T_x_K"]
 

@@ -116,7 +116,7 @@ def curve_of(recording: Recording) -> Curve:
     """The stretch, averaged to at most `POINTS` points of equal numbers of samples."""
     part = recording.between("stretch", "end")
     deflection, force = part["displacement_mm"] * 1e-3, part["force_N"]
-    moving = np.isfinite(force) & (deflection > 1e-4) & (deflection < deflection.max() - 1e-4)
+    moving = np.isfinite(force) & (deflection > 1e-4) & (deflection < np.nanmax(deflection) - 1e-4)
     if moving.sum() < 50:
         raise ExperimentError(
             "the stretch has too few samples with a force reading",

@@ -10,7 +10,7 @@ from msgspec import Meta
 from sim_device.plant.parameters import ParameterSet
 from smad.arrays import Array
 from smad.control.commands import DriveCurrent, Follow, Step
-from smad.control.metrics import step_response
+from smad.control.metrics import peak, step_response
 from smad.control.plan import Action, Do, Mark, Plan, UntilDone
 from smad.experiments.base import PAPER_CONTROL, Comparison, Experiment, Findings, Options
 from smad.experiments.cycle_theory import CycleTheory, SpringLaw, cycle_theory
@@ -160,11 +160,12 @@ def closure(run: Recording, cycles: int) -> list[Comparison]:
 def deviation(run: Recording, theory: CycleTheory, model: ParameterSet) -> float:
     """Largest difference in force, N, between the run and the closed form while X works.
 
-    At equal deflection, separately for loading and unloading, away from the ends of each by 0.3 mm.
+    At equal deflection, separately for loading and unloading, away from the ends of each by 0.3 mm;
+    nan for a run that moved less.
     """
     mounted_mm = model["initial_deflection"] * 1e3
     top = int(np.argmax(theory.deflection_m))
-    worst = 0.0
+    apart = []
     for part, path in (
         (run.between("x heats", "x cools"), slice(0, top + 1)),
         (run.between("x cools", "y heats"), slice(top, None)),
@@ -174,8 +175,8 @@ def deviation(run: Recording, theory: CycleTheory, model: ParameterSet) -> float
         measured_mm = mounted_mm + part["displacement_mm"]
         inside = (measured_mm > delta.min() + 0.3) & (measured_mm < delta.max() - 0.3)
         expected = np.interp(measured_mm[inside], delta[order], force[order])
-        worst = max(worst, float(np.nanmax(np.abs(part["force_N"][inside] - expected))))
-    return worst
+        apart.append(np.abs(part["force_N"][inside] - expected))
+    return peak(np.concatenate(apart))
 
 
 def _extreme(part: Recording) -> tuple[float, float]:

@@ -10,15 +10,16 @@ from smad.experiments.driver import PARTS, Mounting, log_name
 from smad.experiments.errors import ExperimentError
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import MARK
-from smad.runlog.reader import Run, read_run, recorded
+from smad.runlog.reader import Run, board_time_s, read_run, recorded
 
 
 def recording_of(run: Run) -> Recording:
     """The recording in a run log: its columns, and its notes that begin with `mark `."""
     marks = {
-        event.text.removeprefix(MARK): event.t_s
+        event.text.removeprefix(MARK): at_s
         for event in run.events
-        if event.kind == "note" and event.text.startswith(MARK) and event.t_s is not None
+        if event.kind == "note" and event.text.startswith(MARK)
+        if (at_s := board_time_s(run, event)) is not None
     }
     columns = {name: np.asarray(column, float) for name, column in run.columns.items()}
     return Recording(columns, marks)

@@ -1,5 +1,6 @@
 """New run logs, check-ups and endurance cycles of a folder, taken into the record of its bench."""
 
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -28,7 +29,9 @@ def collect(folder: Path, verdicts: Sequence[Path], *, say: Say, progress: Say) 
     sources = {row.source for row in read(folder / FILE)}
     # Check-ups of the queue write theirs beside the output of their items.
     written = (*verdicts, *sorted(folder.glob("queue/item-*.json")))
-    rows = [row_of_verdict(path) for path in written if str(path) not in sources]
+    # Earlier versions knew a check-up by its path.
+    new = [row_of_verdict(path) for path in written if str(path) not in sources]
+    rows = [row for row in {row.source: row for row in new}.values() if row.source not in sources]
     rows += rows_of_cycles(folder, sources)
     counted = (folder / CYCLES_FILE).exists()
     for path, row in new_rows(folder, sources):
@@ -74,7 +77,8 @@ class _Verdict(Struct, frozen=True):
 def row_of_verdict(path: Path) -> Row:
     """Return the row of a check-up's verdict. Raises HealthError."""
     try:
-        verdict = msgspec.json.decode(path.read_bytes(), type=_Verdict)
+        data = path.read_bytes()
+        verdict = msgspec.json.decode(data, type=_Verdict)
     except (OSError, msgspec.MsgspecError) as error:
         raise HealthError(
             f"{path} is not a verdict of a check-up: {error}",
@@ -88,7 +92,8 @@ def row_of_verdict(path: Path) -> Row:
     return Row(
         unix_s=path.stat().st_mtime,
         kind="checkup",
-        source=str(path),
+        # Its content: a path may be written in several ways, and a file be written anew.
+        source=f"sha256:{hashlib.sha256(data).hexdigest()}",
         group="checkup",
         values=values,
         words=(verdict.headline, *causes),

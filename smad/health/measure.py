@@ -19,6 +19,7 @@ from smad.runlog.reader import Run, read_run
 LEAST_A = 0.3
 LEAST_STROKE_MM = 0.5
 LEAST_SAMPLES = 50
+FIRST = 20
 LEAST_EXCESS_K = 3.0
 """Cooling is fitted while a spring is so much warmer than the water."""
 COOLED_DUTY = 0.5
@@ -67,8 +68,10 @@ def _values(run: Run) -> Iterator[tuple[str, Value]]:
         low, high = np.percentile(finite, (1.0, 99.0))
         if high - low > LEAST_STROKE_MM:
             yield "stroke_mm", Value(float(high - low))
-        # Where the springs stand before anything was heated.
-        yield "rest_mm", Value(float(np.median(finite[:20])))
+        heated = any((columns[f"i_applied_{s}_A"][:FIRST] > 0.0).any() for s in "xy")
+        if run.header.part == 1 and not heated:
+            # Where the springs stand before anything was heated.
+            yield "rest_mm", Value(float(np.median(finite[:FIRST])))
     force = columns["force_N"][np.isfinite(columns["force_N"])]
     if len(force):
         yield "force_max_N", Value(float(np.percentile(force, 99.0)))

@@ -65,7 +65,8 @@ class BagTable:
                 action="assign its columns in a mapping file",
             )
         series = self._series([name for name in wanted if name != TIME], topics)
-        base = max(topics, key=lambda topic: self.counts[topic])
+        # Of equal ones the first by name: a set has another order in each process.
+        base = max(sorted(topics), key=lambda topic: self.counts[topic])
         stamps = next(s for name, (s, _) in series.items() if self.places[name][0] == base)
         # Two messages at one time are one sample, the later one.
         stamps = np.unique(stamps)

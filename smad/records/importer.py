@@ -23,7 +23,7 @@ from smad.records.declared import Declared
 from smad.records.readings import beyond_range, checked, checked_columns, doubted_step
 from smad.records.tables import open_table
 from smad.records.units import Written
-from smad.runlog.export import header_path
+from smad.runlog.export import METADATA_KEY, header_path
 from smad.runlog.header import RunHeader
 from smad.runlog.holes import holes_in, words
 from smad.runlog.schema import CHANNELS, Event, LinkSample, Record, Row
@@ -56,7 +56,7 @@ class Imported:
 
 
 class _Beside(msgspec.Struct):
-    # What `export` writes beside a CSV; see smad.runlog.export.header_document.
+    # What `export` writes beside a CSV, into Parquet; see smad.runlog.export.header_document.
     header: RunHeader = RunHeader()
     events: list[Event] = []
     link: list[LinkSample] = []
@@ -67,7 +67,7 @@ def import_table(
 ) -> Imported:
     """Turn the table at `source` into a run log at `target`.
 
-    A header that `smad log export` left beside it is taken over. Channels that the file does
+    A header that `smad log export` left beside or in it is taken over. Channels that the file does
     not have are absent from the log and listed in the result.
 
     Raises LogImportError for a file that cannot be used, RunLogError for a target that cannot be
@@ -152,9 +152,10 @@ def _declared(name: str, named: Channels, *, of_ours: bool) -> Declared | None:
 
 
 def _read_beside(source: Path) -> _Beside:
-    path = header_path(source)
+    own = _in_schema(source)
+    path = source if own else header_path(source)
     try:
-        return msgspec.json.decode(path.read_bytes(), type=_Beside)
+        return msgspec.json.decode(own or path.read_bytes(), type=_Beside)
     except FileNotFoundError:
         return _Beside()
     except OSError as error:
@@ -164,8 +165,20 @@ def _read_beside(source: Path) -> _Beside:
     except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
         raise LogImportError(
             f"{path} is not the header of an exported log: {error}",
-            action=f"move it away; {source.name} can be imported without",
+            action=f"move it away; {source.name} can be imported without"
+            if not own
+            else f"write the file without the metadata {METADATA_KEY!r}",
         ) from None
+
+
+def _in_schema(source: Path) -> bytes:
+    """What an export wrote into the metadata of a Parquet file."""
+    if not source.name.lower().endswith(".parquet"):
+        return b""
+    from pyarrow import parquet
+
+    found: bytes = (parquet.read_schema(source).metadata or {}).get(METADATA_KEY.encode(), b"")
+    return found
 
 
 def _header(
@@ -178,6 +191,7 @@ def _header(
     changes: dict[str, Any] = {
         "source": "import",
         "name": beside.name or source.stem,
+        "axes": (),
         "extra": {
             **beside.extra,
             "imported_from": source.name,

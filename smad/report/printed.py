@@ -33,9 +33,10 @@ _STYLE: dict[str, Any] = {
 def write_figure(panels: Panels, path: Path, *, width_mm: float = 85.0) -> Path:
     """Draw the panels below each other over one axis and write them to `path`; returns it.
 
-    The suffix chooses the format (`FORMATS`). Panels that are shown on demand are left out.
-    Raises CommandError for another suffix or a folder that is not there, MissingPartError without
-    matplotlib, and SmadError where the file cannot be written.
+    The suffix chooses the format (`FORMATS`). Panels that are shown on demand are left out, unless
+    there are no others. Raises CommandError for another suffix, a folder that is not there or
+    nothing to draw, MissingPartError without matplotlib, SmadError where the file cannot be
+    written.
     """
     kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
@@ -47,8 +48,10 @@ def write_figure(panels: Panels, path: Path, *, width_mm: float = 85.0) -> Path:
         )
     require_writable(path)
     mpl, figures = part("matplotlib"), part("matplotlib.figure")
-    visible = [panel for panel in panels.panels if not panel.on_demand]
-    size = (width_mm / _MM_PER_INCH, PANEL_MM * max(len(visible), 1) / _MM_PER_INCH)
+    visible = [panel for panel in panels.panels if not panel.on_demand] or panels.panels
+    if not visible:
+        raise CommandError("no signal that is drawn was recorded", action="smad log show lists all")
+    size = (width_mm / _MM_PER_INCH, PANEL_MM * len(visible) / _MM_PER_INCH)
     with mpl.rc_context(_STYLE):
         figure = figures.Figure(figsize=size, layout="constrained")
         for axes, panel in zip(

@@ -15,7 +15,7 @@ from smad.report.page import Page, Section, Table, Text
 from smad.report.panels import Mark, Panel, Panels, Trace
 from smad.report.planes import planes_of
 from smad.runlog.header import date_of
-from smad.runlog.reader import Column, Run, recorded
+from smad.runlog.reader import Column, Run, board_time_s, recorded, row_near
 from smad.runlog.schema import Event
 from smad.style.strips import STRIPS, Curve, Strip
 from smad.units import range_in_words
@@ -36,14 +36,15 @@ class RunPart:
     """A run on the axis of a page: the part of it that is shown.
 
     `x` in s from the run's first sample, shape (n,), increasing; `y` the columns, each of that
-    shape; `start_s` the board time of x = 0. `sign` stands for its name where several are shown.
+    shape; `elapsed` the time of every row of the run. `sign` stands for its name where several are
+    shown.
     """
 
     run: Run
     label: str
     x: Array
     y: Mapping[str, Column]
-    start_s: float
+    elapsed: Array
     sign: str = ""
 
     @property
@@ -55,6 +56,14 @@ class RunPart:
     def timed(self) -> Mapping[str, Column]:
         """The columns with the time of the page in place of the board's."""
         return {**self.y, "t_s": self.x}
+
+    def time_of(self, event: Event) -> float | None:
+        """When an event came, in s from the run's first sample; None without a board time."""
+        at_s = board_time_s(self.run, event)
+        if at_s is None:
+            return None
+        row = row_near(self.run, event, at_s)
+        return float(self.elapsed[row] + at_s - self.run.columns["t_s"][row])
 
 
 def elapsed_s(t_s: Array) -> Array:
@@ -100,7 +109,7 @@ def _part(run: Run, label: str, from_s: float, to_s: float) -> RunPart:
             action="choose another part, or another log",
         )
     columns = {name: column[inside] for name, column in run.columns.items()}
-    return RunPart(run, label, x[inside], columns, float(t_s[0]))
+    return RunPart(run, label, x[inside], columns, x)
 
 
 def panels_of(runs: Sequence[RunPart], caption: str = "") -> Panels:
@@ -148,9 +157,9 @@ def _sign(number: int) -> str:
 
 def _marks(drawn: RunPart) -> list[Mark]:
     return [
-        Mark(event.t_s - drawn.start_s, event.text)
+        Mark(came_s, event.text)
         for event in drawn.run.events
-        if event.kind in _MARKED and event.t_s is not None
+        if event.kind in _MARKED and (came_s := drawn.time_of(event)) is not None
     ]
 
 
@@ -228,11 +237,11 @@ def _events(drawn: RunPart) -> Table:
     left_out = len(drawn.run.events) - len(events)
     return Table(
         ("time (s)", "kind", "what"),
-        [(_when(event, drawn.start_s), event.kind, event.text) for event in events],
+        [(_shown(drawn.time_of(event)), event.kind, event.text) for event in events],
         f"The last {len(events)}; {left_out} earlier ones are in the log" if left_out else "",
         numeric=frozenset({0}),
     )
 
 
-def _when(event: Event, start_s: float) -> str:
-    return "" if event.t_s is None else f"{event.t_s - start_s:z.3f}"
+def _shown(time_s: float | None) -> str:
+    return "" if time_s is None else f"{time_s:z.3f}"

@@ -25,6 +25,7 @@ import numpy as np
 
 from smad.errors import RunLogError, refused_by_system
 from smad.files import replacing, require_writable
+from smad.runlog.header import header_of
 from smad.runlog.reader import Column, Run, recorded
 from smad.runlog.schema import LEGENDS, MISSING_INTEGER, channel_of
 
@@ -116,7 +117,7 @@ def header_document(run: Run) -> bytes:
     """Header, units, events and notes of a run, as JSON."""
     return msgspec.json.encode(
         {
-            "header": run.header,
+            "header": header_of(run.header, run.axis),
             "units": {name: channel_of(name).unit for name in _used(run)},
             "legends": legends(run),
             "events": run.events,

@@ -92,6 +92,20 @@ class RunHeader(Struct, kw_only=True, frozen=True):
         return msgspec.structs.replace(header, extra={**header.extra, **strays})
 
 
+def header_of(header: RunHeader, axis: str) -> RunHeader:
+    """Return the header of one of several axes, with the configuration of all; of one, itself."""
+    if axis not in header.axes:
+        return header
+    prefix = f"{axis}."
+    return msgspec.structs.replace(
+        header,
+        axes=(),
+        gains={n.removeprefix(prefix): v for n, v in header.gains.items() if n.startswith(prefix)},
+        board={n.removeprefix(prefix): v for n, v in header.board.items() if n.startswith(prefix)},
+        extra={**header.extra, "axis": axis},
+    )
+
+
 def installed_versions() -> dict[str, str]:
     """Versions of Python, the kernel and the packages that a run depends on."""
     versions = {"python": platform.python_version(), "kernel": platform.release()}

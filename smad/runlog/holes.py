@@ -8,7 +8,7 @@ from smad.counted import counted
 
 RECOVERED_METADATA_NAME = "smad.recovered"
 HOLES = "holes"
-_STEPS = 2.5
+HOLE_STEPS = 2.5
 _MOST = 20
 
 
@@ -18,7 +18,7 @@ def holes_in(t_s: Sequence[float]) -> list[tuple[float, float]]:
         return []
     steps = [(float(a), float(b)) for a, b in pairwise(t_s)]
     usual = median(b - a for a, b in steps)
-    return [(a, b) for a, b in steps if b - a > _STEPS * usual]
+    return [(a, b) for a, b in steps if b - a > HOLE_STEPS * usual]
 
 
 def words(holes: Sequence[tuple[float, float]]) -> list[str]:

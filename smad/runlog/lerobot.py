@@ -4,7 +4,7 @@
 names. LeRobot wants frames at an even rate: a frame has the last sample taken by then. It wants
 numbers, too (its policies scale by mean and deviation, and one NaN spoils a batch): where a channel
 has none, as the reference of an idle bench, its last one stays, before the first the first, and 0
-where a run has none at all. `complementary_info.*_known` is false there.
+where a run has none at all. `complementary_info.*_known` is false there and where samples are lost.
 
 Layout: huggingface/lerobot, `src/lerobot/datasets/utils.py` and `dataset_metadata.py`, v3.0.
 """
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from smad.errors import RunLogError
 from smad.extras import part
 from smad.runlog.folders import whole_folder
+from smad.runlog.holes import HOLE_STEPS
 from smad.runlog.reader import Run, recorded
 from smad.runlog.schema import CHANNELS
 
@@ -38,6 +39,11 @@ DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 _INDEX = {"frame_index": "int64", "episode_index": "int64", "index": "int64", "task_index": "int64"}
 _QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+_APPLIED = {
+    "i_cmd_x_A": "i_applied_x_A", "i_cmd_y_A": "i_applied_y_A", "duty_x": "duty_x",
+    "duty_y": "duty_y",
+}  # fmt: skip
+"""Commands, where they were not recorded, by what the next sample shows as applied."""
 _MOST_FPS = 1000
 _KNOWN = {STATE: "complementary_info.state_known", ACTION: "complementary_info.action_known"}
 """Which numbers of a feature were recorded; the others are filled in."""
@@ -80,7 +86,7 @@ def _rate(run: Run) -> int:
 
 
 def _channels(runs: Sequence[Run], names: Sequence[str]) -> list[str]:
-    return [n for n in names if any(n in r.columns and recorded(r.columns[n]).any() for r in runs)]
+    return [n for n in names if any(np.isfinite(_numbers(run, n)).any() for run in runs)]
 
 
 def frames(run: Run, channels: Mapping[str, Sequence[str]], fps: int) -> Frames:
@@ -93,12 +99,14 @@ def frames(run: Run, channels: Mapping[str, Sequence[str]], fps: int) -> Frames:
     since_s = t_s[:end] - t_s[0]
     at_s = np.arange(int(np.floor(since_s[-1] * fps + 1e-6)) + 1) / fps
     last = np.searchsorted(since_s, at_s + 1e-6 / fps, side="right") - 1
+    # Not yet as late as a hole begins at.
+    fresh = at_s - since_s[last] < HOLE_STEPS * np.median(np.diff(since_s, append=np.inf))
     episode: Frames = {"timestamp": at_s.astype(np.float32)}
     for key, names in channels.items():
         columns = [_numbers(run, name)[:end][last] for name in names]
         values = np.stack(columns, axis=1)
         episode[key] = np.apply_along_axis(without_gaps, 0, values).astype(np.float32)
-        episode[_KNOWN[key]] = np.isfinite(values)
+        episode[_KNOWN[key]] = np.isfinite(values) & fresh[:, None]
     return episode
 
 
@@ -112,9 +120,10 @@ def without_gaps(column: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _numbers(run: Run, name: str) -> NDArray[np.float64]:
-    column = run.columns.get(name)
-    if column is None:
-        return np.full(len(run), np.nan)
+    column = run.columns.get(name, np.full(len(run), np.nan))
+    if name in _APPLIED and (name == _APPLIED[name] or not recorded(column).any()):
+        column = run.columns.get(_APPLIED[name], column)
+        column = np.r_[column[1:], column[-1:]]
     return np.where(recorded(column), column.astype(np.float64), np.nan)
 
 

@@ -7,12 +7,15 @@ from mcap import records
 
 from smad.config import config_to_toml, parse_config
 from smad.errors import RunLogError
-from smad.runlog.header import RunHeader
+from smad.runlog.header import RunHeader, header_of
+from smad.runlog.holes import RECOVERED_METADATA_NAME
 from smad.runlog.mcap_file import CHANNEL_IDS, pack
 from smad.runlog.reader import read_run
 from smad.runlog.scan import Damage, Message, scan
 from smad.runlog.schema import TOPICS, Row, row_topic
 from smad.runlog.writer import END_METADATA_NAME, create_log
+
+_KEPT = (END_METADATA_NAME, RECOVERED_METADATA_NAME)
 
 
 def extract(path: str | Path, axis: str) -> Path:
@@ -20,7 +23,7 @@ def extract(path: str | Path, axis: str) -> Path:
 
     The configuration in its header is that of the axis. It stands beside `path`, with the name of
     the axis in its own. Without an axis the log is used as it is. Raises RunLogError
-    when the log has no such axis or the new one cannot be written.
+    when the log has no such axis, is not whole, or the new one cannot be written.
     """
     path = Path(path)
     if not axis:
@@ -29,40 +32,39 @@ def extract(path: str | Path, axis: str) -> Path:
     run = read_run(path, axis=axis)
     ids = {row_topic(axis): CHANNEL_IDS[Row]}
     ids |= {topic: CHANNEL_IDS[kind] for kind, topic in TOPICS.items() if kind is not Row}
-    mcap, file = create_log(target, _header_of(run.header, axis))
+    mcap, file = create_log(target, _with_configuration(header_of(run.header, axis), axis))
     numbers: dict[int, int] = {}
-    count = 0
+    count, damage = 0, Damage()
     try:
         with file, path.open("rb") as source:
-            for item in scan(source, path.stat().st_size, Damage()):
+            for item in scan(source, path.stat().st_size, damage):
                 if isinstance(item, records.Channel) and item.topic in ids:
                     numbers[item.id] = ids[item.topic]
-                elif isinstance(item, records.Metadata) and item.name == END_METADATA_NAME:
+                elif isinstance(item, records.Metadata) and item.name in _KEPT:
                     mcap.write_metadata(item.name, item.metadata)
                 elif isinstance(item, Message) and item.channel_id in numbers:
                     number = numbers[item.channel_id]
                     mcap.add(pack(number, count, item.time_ns, item.body))
                     count += 1
+            if damage.notes:
+                raise RunLogError(
+                    f"{path} is not whole: {damage.notes[0]}",
+                    action="end its recording, or split what smad log recover makes of it",
+                )
             mcap.finish()
-    except OSError as error:
+    except (OSError, RunLogError) as error:
         target.unlink(missing_ok=True)
+        if isinstance(error, RunLogError):
+            raise
         raise RunLogError(
             f"cannot write {target}: {error.strerror}", action="free some space or name another"
         ) from error
     return target
 
 
-def _header_of(header: RunHeader, axis: str) -> RunHeader:
-    prefix = f"{axis}."
-    configuration = header.configuration
-    if configuration:
-        config = parse_config(configuration).by_axis()[axis]
-        configuration = config_to_toml(msgspec.structs.replace(config, axes=(), segments=()))
-    return msgspec.structs.replace(
-        header,
-        axes=(),
-        configuration=configuration,
-        gains={n.removeprefix(prefix): v for n, v in header.gains.items() if n.startswith(prefix)},
-        board={n.removeprefix(prefix): v for n, v in header.board.items() if n.startswith(prefix)},
-        extra={**header.extra, "axis": axis},
-    )
+def _with_configuration(header: RunHeader, axis: str) -> RunHeader:
+    if not header.configuration:
+        return header
+    config = parse_config(header.configuration).by_axis()[axis]
+    own = config_to_toml(msgspec.structs.replace(config, axes=(), segments=()))
+    return msgspec.structs.replace(header, configuration=own)

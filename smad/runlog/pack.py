@@ -26,7 +26,8 @@ class RecordPacker:
 
     The time of a message is board time, moved once so that it starts at the host time of the first
     sample: evenly spaced as the board sampled, readable as a date, and untouched when somebody sets
-    the host's clock in mid-run. A record without board time takes its host time.
+    the host's clock in mid-run. It is moved anew, never back, with the first sample of a board that
+    restarted. A record without board time takes its host time.
     """
 
     def __init__(self, started_unix_s: float, axes: Sequence[str] = ()) -> None:
@@ -35,6 +36,7 @@ class RecordPacker:
         self._sequences = dict.fromkeys((*CHANNEL_IDS.values(), *self._axes.values()), 0)
         self._offset_ns: int | None = None
         self._last_ns = _clip(_to_ns(started_unix_s) or 0)
+        self._last_board_ns = self._last_row_ns = 0
         self.packed = 0
 
     def pack(self, record: Record, axis: str = "", time_s: float | None = None) -> Packed:
@@ -64,7 +66,11 @@ class RecordPacker:
             return self._last_ns
         if self._offset_ns is None:
             self._offset_ns = (self._last_ns if host_ns is None else host_ns) - board_ns
+        elif isinstance(record, Row) and board_ns < self._last_board_ns:
+            self._offset_ns = max(self._last_row_ns, host_ns or 0) - board_ns
         self._last_ns = _clip(board_ns + self._offset_ns)
+        if isinstance(record, Row):
+            self._last_board_ns, self._last_row_ns = board_ns, self._last_ns
         return self._last_ns
 
 

@@ -121,6 +121,32 @@ def board_duration_s(t_s: Column) -> float:
     return float(np.maximum(np.diff(t_s), 0.0).sum())
 
 
+def board_time_s(run: Run, event: Event) -> float | None:
+    """Return the board time of an event, from when it came where the log has several boards.
+
+    None where that is not known either.
+    """
+    host_s = run.columns["host_time_s"]
+    if event.t_s is not None or event.host_time_s is None or not recorded(host_s).any():
+        return event.t_s
+    row = int(np.nanargmin(np.abs(host_s - event.host_time_s)))
+    return float(run.columns["t_s"][row] + event.host_time_s - host_s[row])
+
+
+def row_near(run: Run, event: Event, at_s: float) -> int:
+    """Return the row that is nearest to board time `at_s` of an event.
+
+    Of a board that restarted, in the stretch in which the event came by the computer's clock.
+    """
+    t_s, host_s = run.columns["t_s"], run.columns["host_time_s"]
+    begins = np.flatnonzero(np.diff(t_s) < 0) + 1
+    came_s = -np.inf if event.host_time_s is None else event.host_time_s
+    edges = [0, *begins.tolist(), len(t_s)]
+    stretch = int(np.searchsorted(host_s[begins], came_s, side="right"))
+    begin, end = edges[stretch : stretch + 2]
+    return begin + int(np.argmin(np.abs(t_s[begin:end] - at_s)))
+
+
 def recorded(column: Column) -> NDArray[np.bool_]:
     """Where a column holds a value, shape (n,)."""
     if column.dtype.kind == "f":

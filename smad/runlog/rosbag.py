@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from smad.errors import RunLogError
 from smad.extras import part
 from smad.runlog.folders import whole_folder
-from smad.runlog.reader import Run, recorded
+from smad.runlog.reader import Run, recorded, row_near
 from smad.runlog.schema import CHANNELS, Event
 
 SUFFIX = ".rosbag2"
@@ -140,8 +140,7 @@ def _events(run: Run, types: Any, stamps: Times) -> Iterator[_Topic]:
     if not run.events:
         return
     kind = "rcl_interfaces/msg/Log"
-    t_s = np.asarray(run.columns["t_s"])
-    whens = [_when(event, t_s, stamps) for event in run.events]
+    whens = [_when(event, run, stamps) for event in run.events]
 
     def log(row: int, when: int) -> Any:
         event = run.events[row]
@@ -151,11 +150,11 @@ def _events(run: Run, types: Any, stamps: Times) -> Iterator[_Topic]:
     yield _Topic(EVENTS, kind, np.arange(len(run.events)), whens, log)
 
 
-def _when(event: Event, t_s: Any, stamps: Times) -> int:
+def _when(event: Event, run: Run, stamps: Times) -> int:
     """By the board's clock where the event has it, by the computer's otherwise."""
     if event.t_s is not None:
-        nearest = int(np.argmin(np.abs(t_s - event.t_s)))
-        after_ns = round(float(event.t_s - t_s[nearest]) * 1e9)
+        nearest = row_near(run, event, event.t_s)
+        after_ns = round(float(event.t_s - run.columns["t_s"][nearest]) * 1e9)
         return max(int(stamps[nearest]) + after_ns, 0)
     host_s = event.host_time_s
     return int(stamps[0]) if host_s is None else max(round(host_s * 1e9), 0)

@@ -45,7 +45,7 @@ class RunSummary(Struct, frozen=True, kw_only=True):
 def summarise(run: Run) -> RunSummary:
     """The numbers of a run that was read."""
     header = run.header
-    steps_s = np.diff(run.columns["t_s"])
+    usual_s = np.median(np.diff(run.columns["t_s"])) if len(run) > 1 else 0.0
     return RunSummary(
         path=str(run.path),
         name=header.name,
@@ -55,7 +55,7 @@ def summarise(run: Run) -> RunSummary:
         started_unix_s=header.started_unix_s,
         rows=len(run),
         duration_s=run.duration_s,
-        rate_hz=round(float(1 / np.median(steps_s)), 3) if len(steps_s) and steps_s.any() else None,
+        rate_hz=round(float(1 / usual_s), 3) if usual_s > 0.0 else None,
         being_written=run.being_written,
         cut_short=run.cut_short,
         dropped=run.dropped,

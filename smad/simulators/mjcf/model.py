@@ -228,10 +228,9 @@ class MujocoModel:
         m = self.model
         control = np.zeros((len(grid), m.nu + m.nv))
         for x in self.driven:
-            column = x.scale * _held(inputs[x.name], t, grid) + x.offset
-            control[:, x.column] += column if x.late else np.r_[column[1:], column[-1:]]
+            control[:, x.column] += x.scale * _held(inputs[x.name], t, grid, x.late) + x.offset
         for joint, number in self.joints.items():
-            pushed = _held(inputs[f"{joint}_torque"], t, grid)
+            pushed = _held(inputs[f"{joint}_torque"], t, grid, late=True)
             control[:, m.nu + int(m.jnt_dofadr[number])] += pushed
         return control
 
@@ -278,11 +277,13 @@ class MujocoModel:
                 d.qvel[x.number] = (start[x.name] - x.offset) / x.scale
 
 
-def _held(column: Array, t: Array, grid: Array) -> Array:
-    """A column at equal times: the row in force there."""
-    if len(grid) == len(t):
-        return np.asarray(column)
-    return np.asarray(column)[np.clip(np.searchsorted(t, grid - 1e-9), 0, len(t) - 1)]
+def _held(column: Array, t: Array, grid: Array, late: bool) -> Array:
+    """A column from each of equal times on: the row in force then, until its time or from it on."""
+    rows = np.arange(len(t)) + (not late)
+    if len(grid) != len(t):
+        # In the middle, where a time that is a little off changes nothing.
+        rows = np.searchsorted(t, grid + 0.5 * grid[1]) - late
+    return np.asarray(column)[np.clip(rows, 0, len(t) - 1)]
 
 
 @contextmanager

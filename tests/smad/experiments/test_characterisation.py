@@ -11,8 +11,9 @@ import pytest
 from sim_device.plant.parameters import load_parameters
 from smad.experiments.campaign import CampaignResult, run_on
 from smad.experiments.errors import ExperimentError
-from smad.experiments.fig4_stretch import Curve, austenite, martensite
+from smad.experiments.fig4_stretch import Curve, austenite, curve_of, martensite
 from smad.experiments.fig5_block import Block, Branch, reverse_lines
+from smad.experiments.recording import Recording
 from smad.experiments.registry import make_experiment
 from smad.experiments.resistance import resistivity
 
@@ -108,8 +109,6 @@ def test_a_block_test_that_never_transforms_is_refused() -> None:
 
 
 def test_a_resistance_without_steps_of_current_is_refused() -> None:
-    from smad.experiments.recording import Recording
-
     n = 200
     columns = {
         f"{what}_{spring}_{unit}": np.full(n, value)
@@ -118,3 +117,13 @@ def test_a_resistance_without_steps_of_current_is_refused() -> None:
     }
     with pytest.raises(ExperimentError, match="did not change enough"):
         resistivity(Recording({"t_s": np.arange(n) * 0.01, **columns}, {}), NOMINAL)
+
+
+def test_one_reading_that_is_lost_does_not_cost_a_stretch() -> None:
+    displacement_mm = np.linspace(0.0, 95.0, 1000)
+    displacement_mm[500] = np.nan
+    columns = {name: np.ones(1000) for name in ("force_N", "rtd_x_degC")}
+    columns |= {"t_s": np.arange(1.0, 1001.0), "displacement_mm": displacement_mm}
+    curve = curve_of(Recording(columns, {"stretch": 0.0, "end": 1000.0}))
+    assert np.isfinite(curve.deflection_m).all()
+    assert curve.deflection_m[-1] == pytest.approx(0.095, abs=3e-4)

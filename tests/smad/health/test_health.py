@@ -276,3 +276,34 @@ def test_the_command_takes_new_runs_in_once_and_says_what_is_wrong(
     told = capsys.readouterr()
     assert "left out: " in told.err
     assert told.out.startswith("nothing has changed in 12 rows")
+
+
+def test_only_the_first_part_of_a_run_that_begins_cold_says_where_the_springs_rest(
+    tmp_path: Path,
+) -> None:
+    for number, (part, first_A) in enumerate([(1, 0.0), (2, 0.0), (1, 1.0)]):
+        records = [
+            Sample(t_s=0.01 * n, displacement_mm=0.01 * n, i_applied_x_A=first_A)
+            for n in range(200)
+        ]
+        path = tmp_path / f"{number}.mcap"
+        write_run(path, RunHeader(name="steps", part=part), records)
+        found = row_of(path)
+        assert found is not None
+        assert ("rest_mm" in found.values) is (number == 0)
+
+
+def test_a_verdict_is_taken_in_once_by_whatever_path_and_anew_when_it_is_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs/queue").mkdir(parents=True)
+    verdict = '{"outcome": "none", "headline": "nothing has changed"}'
+    for path in ("runs/queue/item-1.json", "v.json"):
+        Path(path).write_text(verdict)
+    for folder in (Path("runs"), tmp_path / "runs"):
+        collect(folder, [Path("v.json")], say=silent, progress=silent)
+        assert len(read(folder / FILE)) == 1
+    Path("v.json").write_text(verdict.replace("nothing", "something"))
+    collect(Path("runs"), [Path("v.json")], say=silent, progress=silent)
+    assert [row.words[0][:4] for row in read(Path("runs") / FILE)] == ["noth", "some"]

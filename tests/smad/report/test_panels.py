@@ -21,6 +21,7 @@ from smad.report.panels import Panel, Panels, Trace
 from smad.report.planes import Curve, Plane, Quantity
 from smad.report.runs import elapsed_s, page_of, panels_of, run_parts
 from smad.runlog.reader import read_run
+from smad.runlog.schema import Event, Row
 from smad.runlog.writer import write_run
 from smad.style.decimation import Decimation
 from tests.smad.runlog.helpers import HEADER, rows, write_small_run
@@ -86,6 +87,18 @@ def test_a_name_cannot_leave_the_data() -> None:
 def test_time_runs_on_where_the_board_restarted() -> None:
     assert elapsed_s(np.array([5.0, 5.1, 5.2, 0.0, 0.1])) == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
     assert elapsed_s(np.array([])).shape == (0,)
+
+
+def test_what_happened_after_a_restart_of_the_board_is_marked_there(tmp_path: Path) -> None:
+    clock = [(5.0, 100.0), (5.1, 100.1), (5.2, 100.2), (0.0, 103.0), (0.1, 103.1)]
+    events = [
+        Event(t_s=5.1, host_time_s=100.1, kind="note", text="before"),
+        Event(t_s=0.1, host_time_s=103.1, kind="note", text="after"),
+    ]
+    samples = [Row(t_s=t, host_time_s=h, displacement_mm=t) for t, h in clock]
+    write_run(tmp_path / "run.mcap", HEADER, [*samples, *events])
+    marks = panels_of(run_parts([read_run(tmp_path / "run.mcap")])).marks
+    assert [mark.x for mark in marks] == pytest.approx([0.1, 0.4])
 
 
 def two_runs(folder: Path) -> tuple[Path, Path]:

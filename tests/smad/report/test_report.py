@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from smad.errors import SmadError
+from smad.errors import CommandError, SmadError
 from smad.report.page import (
     Beside,
     Code,
@@ -138,3 +138,13 @@ def test_a_gap_stays_a_gap() -> None:
     y[4000:5000] = np.nan
     _, short = decimated(np.arange(10_000.0), y, 100)
     assert np.isnan(short).any()
+
+
+def test_a_figure_of_voltages_alone_shows_them_and_one_of_nothing_is_refused(
+    tmp_path: Path,
+) -> None:
+    x = np.arange(3.0)
+    volts = Panels([Panel("Voltage", "V", 1, [Trace("X", x, x, "x")], on_demand=True)])
+    assert "Voltage (V)" in write_figure(volts, tmp_path / "a.svg").read_text()
+    with pytest.raises(CommandError, match="no signal"):
+        write_figure(Panels([]), tmp_path / "b.svg")

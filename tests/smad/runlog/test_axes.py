@@ -9,8 +9,13 @@ from pyarrow import csv, parquet
 from smad.cli import execute
 from smad.config import parse_config
 from smad.errors import RunLogError
+from smad.experiments.logs import recording_of
+from smad.records.importer import import_table
+from smad.report.runs import panels_of, run_parts
 from smad.runlog.export import side_by_side
+from smad.runlog.formats import export_axes
 from smad.runlog.header import RunHeader
+from smad.runlog.one_axis import extract
 from smad.runlog.overview import list_runs
 from smad.runlog.reader import read_axes, read_run
 from smad.runlog.recover import recover
@@ -121,3 +126,55 @@ def test_an_axis_becomes_a_log_of_its_own_with_its_own_configuration(tmp_path: P
     assert (own.axes, own.limits.displacement_max_mm) == ((), 4.0)
     assert not run.cut_short
     assert not run.notes
+
+
+def test_the_export_of_an_axis_is_imported_as_a_log_of_that_axis(tmp_path: Path) -> None:
+    runs = read_axes(written(tmp_path / "run.mcap"))
+    export_axes(runs, tmp_path / "run.csv")
+    import_table(tmp_path / "run.pitch-1.csv", tmp_path / "back.mcap")
+    for axis in ("", "pitch-1"):
+        back = read_run(tmp_path / "back.mcap", axis=axis)
+        for name, column in runs["pitch-1"].columns.items():
+            np.testing.assert_array_equal(back.columns[name], column)
+
+
+def test_a_log_that_is_not_whole_is_not_split_into_logs_that_seem_whole(tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(written(tmp_path / "run.mcap").read_bytes()[:-600])
+    with pytest.raises(RunLogError, match=r"is not whole: .* log recover"):
+        extract(cut, "pitch-1")
+    assert not (tmp_path / "cut.pitch-1.mcap").exists()
+
+
+def test_an_axis_of_a_recovered_log_says_where_its_holes_are(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    rows = [
+        (Row(t_s=t), "yaw-1", BEGUN_S + t) for t in (*np.arange(0.0, 1.0, 0.01), 3.0, 3.01, 3.02)
+    ]
+    write_run(path, RunHeader(axes=("yaw-1",)), rows)
+    path.write_bytes(path.read_bytes()[:-600])
+    recover(path, tmp_path / "mended.mcap")
+    (note,) = read_run(extract(tmp_path / "mended.mcap", "yaw-1")).notes
+    assert note.startswith("no samples from 0.990 to 3.000 s")
+
+
+def test_the_marks_of_an_experiment_on_one_of_several_axes_are_found_by_when_they_came(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "run.mcap"
+    rows = [
+        (Row(t_s=begin + k * 0.01, host_time_s=BEGUN_S + k * 0.01), axis, BEGUN_S + k * 0.01)
+        for k in range(500)
+        for axis, begin in (("pitch-1", 5.0), ("yaw-1", 90.0))
+    ]
+    # The daemon of several boards has no board time for an event.
+    marks = [
+        Event(host_time_s=BEGUN_S + at_s, kind="note", text=f"mark {name}")
+        for name, at_s in (("heat", 1.002), ("cool", 3.002))
+    ]
+    write_run(path, RunHeader(axes=NAMES), [*rows, *marks])
+    run = read_run(extract(path, "yaw-1"))
+    recording = recording_of(run)
+    assert recording.marks == pytest.approx({"heat": 91.002, "cool": 93.002})
+    assert len(recording.between("heat", "cool").t_s) == 200
+    assert [mark.x for mark in panels_of(run_parts([run])).marks] == pytest.approx([1.002, 3.002])

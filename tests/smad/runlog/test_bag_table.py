@@ -10,6 +10,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from smad.cli import execute
 from smad.errors import LogImportError
+from smad.records.bag_table import open_bag
 from smad.records.channels import read_mapping
 from smad.records.importer import import_table
 from smad.runlog.reader import read_run
@@ -109,3 +110,18 @@ def test_a_damaged_bag_is_refused_in_one_line(
     assert execute(["log", "import", str(foreign)]) == 1
     (line,) = capfd.readouterr().err.splitlines()
     assert f"cannot read {foreign}" in line
+
+
+def test_of_topics_with_as_many_messages_the_first_by_name_sets_the_rows(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kind, topics = "std_msgs/msg/Float64", ("d", "b", "a", "c")
+    with Writer(tmp_path / "robot", version=8, storage_plugin=StoragePlugin.SQLITE3) as bag:
+        for late, topic in enumerate(topics):
+            connection = bag.add_connection(f"/{topic}", kind, typestore=store)
+            for k in range(20):
+                raw = store.serialize_cdr(store.types[kind](0.1), kind)
+                bag.write(connection, 10**9 + k * 10**7 + late * 10 ** (4 + k % 2), raw)
+    names = [f"/{topic}.data" for topic in topics]
+    columns = dict(open_bag(tmp_path / "robot").columns(["t_s", *names]))
+    # Those of a are late by 0.02 and 0.2 ms in turn.
+    np.testing.assert_allclose(np.diff(columns["t_s"])[:2], [0.01018, 0.00982], atol=1e-9)

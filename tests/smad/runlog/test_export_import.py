@@ -52,9 +52,12 @@ def refusal(tmp_path: Path, text: str | bytes, mapping: str | None = None) -> st
     return str(caught.value)
 
 
-def test_a_csv_comes_back_as_the_run_it_was_made_from(tmp_path: Path, run: Run) -> None:
-    export_run(run, tmp_path / "out.csv")
-    back = read_run(import_table(tmp_path / "out.csv", tmp_path / "back.mcap").path)
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_a_table_comes_back_as_the_run_it_was_made_from(
+    tmp_path: Path, run: Run, suffix: str
+) -> None:
+    export_run(run, tmp_path / f"out{suffix}")
+    back = read_run(import_table(tmp_path / f"out{suffix}", tmp_path / "back.mcap").path)
     for name, column in run.columns.items():
         np.testing.assert_array_equal(back.columns[name], column, err_msg=name)
     assert back.events == run.events

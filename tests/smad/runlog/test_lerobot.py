@@ -16,8 +16,10 @@ from smad.cli import execute
 from smad.errors import RunLogError
 from smad.runlog.lerobot import ACTION, STATE, export_lerobot
 from smad.runlog.reader import Run, read_run
+from smad.runlog.schema import Row
+from smad.runlog.writer import write_run
 
-from .helpers import write_small_run
+from .helpers import HEADER, write_small_run
 
 ROWS = 90
 
@@ -140,3 +142,33 @@ def test_the_command_writes_a_dataset_beside_the_log(
     assert execute(["log", "export", str(run.path), "-o", str(target), "--fps", "50"]) == 0
     assert f"{info(target)['total_frames']} frames to {target}" in capfd.readouterr().out
     assert info(target)["fps"] == 50
+
+
+def test_an_action_is_what_was_commanded_because_of_the_state_beside_it(tmp_path: Path) -> None:
+    # The board shows duty and current one sample after they were commanded.
+    steps = np.arange(40.0)
+    rows = [
+        Row(t_s=0.01 * k, duty_x=k / 100, i_applied_x_A=k / 10, i_cmd_y_A=k / 10) for k in steps
+    ]
+    write_run(tmp_path / "run.mcap", HEADER, rows)
+    made = export_lerobot([read_run(tmp_path / "run.mcap")], tmp_path / "a")
+    names = info(made)["features"][ACTION]["names"]
+    table = parquet.read_table(made / "data/chunk-000/file-000.parquet")
+    action = dict(zip(names, np.array(table[ACTION].to_pylist()).T, strict=True))
+    later = np.minimum(steps + 1, 39)
+    assert set(action) == {"i_cmd_x_A", "i_cmd_y_A", "duty_x"}
+    np.testing.assert_allclose(action["duty_x"], later / 100, rtol=1e-6)
+    np.testing.assert_allclose(action["i_cmd_x_A"], later / 10, rtol=1e-6)
+    np.testing.assert_allclose(action["i_cmd_y_A"], steps / 10, rtol=1e-6)
+
+
+def test_what_stands_for_samples_that_are_lost_is_not_called_known(tmp_path: Path) -> None:
+    times = [k / 100 for k in (*range(50), *range(150, 200))]
+    write_run(tmp_path / "run.mcap", HEADER, [Row(t_s=t, force_N=1.0) for t in times])
+    made = export_lerobot([read_run(tmp_path / "run.mcap")], tmp_path / "a", fps=100)
+    table = parquet.read_table(made / "data/chunk-000/file-000.parquet")
+    known = np.array(table["complementary_info.state_known"].to_pylist())[:, 0]
+    assert len(known) == 200
+    assert known[:50].all()
+    assert known[150:].all()
+    assert not known[52:150].any()

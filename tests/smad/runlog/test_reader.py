@@ -23,6 +23,7 @@ from smad.runlog.reader import read_run
 from smad.runlog.recover import recover, recovered_path
 from smad.runlog.schema import EVENT_TOPIC, ROW_TOPIC, TOPICS, Event, Row, json_schema
 from smad.runlog.summary import summarise
+from smad.runlog.writer import write_run
 
 from .helpers import HEADER, row_numbers, rows, write_small_run
 
@@ -173,8 +174,6 @@ def test_messages_that_do_not_follow_the_schema_are_left_out_and_counted(tmp_pat
 
 
 def test_a_board_that_restarted_is_noted(tmp_path: Path) -> None:
-    from smad.runlog.writer import write_run
-
     path = tmp_path / "run.mcap"
     write_run(path, HEADER, [*rows(5, start=100), *rows(5)])
     assert any("restarted" in note for note in read_run(path).notes)
@@ -330,6 +329,13 @@ def test_a_summary_gives_range_and_mean_of_what_was_recorded(tmp_path: Path) -> 
     )  # fmt: skip
     assert summary.rate_hz == 100.0
     assert summary.rows == ROWS
+
+
+def test_a_log_whose_times_mostly_stay_has_no_rate(tmp_path: Path) -> None:
+    write_run(
+        tmp_path / "run.mcap", HEADER, [Row(t_s=1.0), Row(t_s=1.0), Row(t_s=1.0), Row(t_s=2.0)]
+    )
+    assert summarise(read_run(tmp_path / "run.mcap")).rate_hz is None
 
 
 MUTATION = st.tuples(

@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 from smad.cli import execute
 from smad.runlog.reader import Run, read_run
 from smad.runlog.rosbag import JOINT_TOPIC, export_bag, times_ns
-from smad.runlog.schema import Row
+from smad.runlog.schema import Event, Row
 from smad.runlog.writer import write_run
 
 from .helpers import HEADER, write_small_run
@@ -97,9 +97,13 @@ def test_events_are_log_messages_with_their_severity(bag: Path) -> None:
 def test_times_go_on_when_the_board_restarts(tmp_path: Path) -> None:
     clock = [(5.0, 100.0), (5.1, 100.1), (0.0, 103.0), (0.1, 103.1)]
     rows = [Row(t_s=t, host_time_s=h, rtd_x_degC=20.0) for t, h in clock]
-    write_run(tmp_path / "a.mcap", HEADER, rows)
-    stamps = times_ns(read_run(tmp_path / "a.mcap"))
+    after = Event(t_s=3.0, host_time_s=106.0, kind="note", text="")
+    write_run(tmp_path / "a.mcap", HEADER, [*rows, after])
+    run = read_run(tmp_path / "a.mcap")
+    stamps = times_ns(run)
     np.testing.assert_allclose(stamps * 1e-9, [100.0, 100.1, 103.0, 103.1], rtol=0, atol=1e-6)
+    (when, _), *_ = messages(export_bag(run, tmp_path / "bag"), "/smad/events")
+    assert when * 1e-9 == pytest.approx(106.0)
 
 
 def test_a_torn_log_becomes_a_bag_of_what_is_readable(

@@ -88,6 +88,16 @@ def test_a_host_clock_that_is_set_in_mid_run_does_not_bend_the_log(tmp_path: Pat
     assert set(np.diff(times_ns(path))) == {10_000_000}
 
 
+def test_a_board_that_restarts_does_not_lay_its_samples_over_earlier_ones(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    clock = [(5.0, 100.0), (5.1, 100.1), (0.0, 103.0), (0.1, 103.1), (0.0, 90.0), (0.1, 90.1)]
+    records = [Row(t_s=board, host_time_s=host) for board, host in clock]
+    write_run(path, HEADER, [*records[:3], Event(t_s=0.0, kind="note", text="back"), *records[3:]])
+    assert [ns * 1e-9 for ns in times_ns(path)] == pytest.approx(
+        [100.0, 100.1, 103.0, 103.1, 103.1, 103.2]
+    )
+
+
 def test_rows_without_host_time_start_where_the_header_says(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     write_run(path, HEADER, [Row(t_s=5.0), Row(t_s=5.5)])

@@ -160,6 +160,11 @@ def test_a_row_is_in_force_until_its_time_or_from_it_on(
     for mapped in (f'held = "{held}"\n{MAP}', MAP.replace('"motor"', f'"motor"\nheld = "{held}"')):
         angle = shown(bound_arm(tmp_path, mapped=mapped, runs=[run]))["angle_rad"]
         assert int(np.flatnonzero(angle)[0]) == 50 + late
+        # The same where a sample is lost and the others come a little early.
+        uneven = {n: np.delete(c, 10) for n, c in run.items()}
+        uneven["t_s"] = np.r_[0.0, uneven["t_s"][1:] - 3e-4]
+        angle = shown(bound_arm(tmp_path, mapped=mapped, runs=[uneven]))["angle_rad"]
+        assert int(np.flatnonzero(angle)[0]) == 49 + late
 
 
 def test_an_effect_of_no_size_changes_nothing_and_each_of_usual_size_does(tmp_path: Path) -> None:
