@@ -480,6 +480,19 @@ def test_garbage_and_floods_cost_nothing_but_time(make: Make) -> None:
     assert loop.host.stats.missed_states <= 20
 
 
+def test_a_line_full_of_noise_without_a_delimiter_costs_the_chip_no_sample() -> None:
+    needs("avr")
+    bench = firmware_bench("avr")
+    loop = Loop(bench).connected()
+    before = len(loop.states)
+    bench.receive(b"\x55" * 20_000)
+    loop.step(50)
+    assert bench.board.resets == 0
+    times = [state.t_us for state in loop.states[before:]]
+    assert {b - a for a, b in itertools.pairwise(times)} == {10_000}
+    bench.close()
+
+
 def test_a_loop_that_hangs_is_ended_by_the_watchdog_with_the_gate_off(
     make_firmware: MakeFirmware,
 ) -> None:
