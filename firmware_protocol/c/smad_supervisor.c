@@ -1310,6 +1310,7 @@ static void smad_sv_latch(struct smad_sv_memory *s, uint8_t fault, uint8_t chann
 {
     smad_sv_remember(s, fault, channel);
     smad_sv_fire(s, trigger);
+    s->cooling = ((int16_t)s->cooling & (int16_t)FAULT_PUMPS[fault]);
 }
 
 static void smad_sv_run_checks(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim)
@@ -1360,7 +1361,9 @@ static void smad_sv_run_timers(struct smad_sv_memory *s, const struct smad_sv_li
             smad_sv_fire(s, SMAD_TRIGGER_COOLED);
         }
     } else if (((int16_t)s->state == SMAD_BOARD_STATE_FAULT) && ((cold) || (capped))) {
-        s->cooling = 0;
+        if (smad_sv_max32(s->i_uA[0], s->i_uA[1]) <= ((int32_t)SMAD_SV_LIMIT_OFF_CURRENT_MA * (int32_t)1000)) {
+            s->cooling = 0;
+        }
     }
 }
 

@@ -14,7 +14,7 @@ class FaultText:
     unit: str
     """Unit of the measured value and of the limit in a FAULT report."""
     pumps: bool
-    """Whether the pumps run (until cold or capped) while this is the first fault."""
+    """Whether the pumps may run in FAULT while this fault stands."""
     cause: str
     remedy: str
 
