@@ -376,6 +376,14 @@ def test_saved_parameters_survive_a_power_cycle_and_others_do_not(make: Make) ->
     assert loop.bench.board.outputs.applied_mA[0] == 900
 
 
+def test_a_save_of_every_parameter_is_waited_for(make_firmware: MakeFirmware) -> None:
+    loop = Loop(make_firmware()).connected()
+    for row in (row for row in PARAMETERS if not row.choices):
+        other = row.minimum if row.minimum != row.default else row.maximum
+        assert isinstance(loop.request(wire.ParamSet(0, row.number, other)), wire.ParamValue)
+    assert isinstance(loop.request(wire.ParamSave()), wire.Done)
+
+
 def test_a_save_that_meets_the_save_of_an_earlier_session_is_carried_out_after_it(
     make: Make,
 ) -> None:
