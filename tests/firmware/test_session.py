@@ -531,11 +531,12 @@ def test_ticks_stay_where_they_were_when_interrupts_were_held_off_for_longer_tha
     bench.close()
 
 
-def test_a_short_hang_is_a_fault_and_no_restart(make: Make) -> None:
+@pytest.mark.parametrize("seconds", [0.07, 0.105])
+def test_a_short_hang_is_a_fault_and_no_restart(make: Make, seconds: float) -> None:
     loop = Loop(make()).armed()
     loop.answer = hold(2000)
     loop.step(20)
-    loop.bench.hang(0.07)
+    loop.bench.hang(seconds)
     loop.until(lambda: loop.mode is BoardState.FAULT, 60)
     assert loop.reports[-1].fault is Fault.LOOP_OVERRUN
     assert loop.restarts == 0
