@@ -2,13 +2,14 @@
 
 import itertools
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 import pytest
 
 from firmware_protocol import messages as wire
-from firmware_protocol.enums import BoardState, ErrorCode, Fault, ResetCause
+from firmware_protocol.enums import BoardState, ErrorCode, Fault, ResetCause, ValidBit
 from firmware_protocol.events import Connected, HostEvent, HostState, RequestDone
 from firmware_protocol.framing import FrameDecoder
 from firmware_protocol.generate.vectors import random_message
@@ -498,6 +499,19 @@ def test_a_line_full_of_noise_without_a_delimiter_costs_the_chip_no_sample() -> 
     assert bench.board.resets == 0
     times = [state.t_us for state in loop.states[before:]]
     assert {b - a for a, b in itertools.pairwise(times)} == {10_000}
+    bench.close()
+
+
+def test_a_bridge_that_is_unplugged_gives_no_reading(monkeypatch: pytest.MonkeyPatch) -> None:
+    needs("avr")
+    bench = firmware_bench("avr")
+    loop = Loop(bench).connected()
+    assert loop.states[-1].valid & ValidBit.FORCE
+    seen = bench.board.seen
+    unplugged = {"bridge": 2**31 - 1}
+    monkeypatch.setattr(bench.board, "seen", lambda *shown: replace(seen(*shown), **unplugged))
+    loop.step(60)
+    assert not loop.states[-1].valid & ValidBit.FORCE
     bench.close()
 
 
