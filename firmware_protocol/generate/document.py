@@ -156,7 +156,7 @@ def _numbers(codec: Codec) -> str:
         ("oldest setpoint accepted", f"{board.MAX_SETPOINT_AGE_US // 1000} ms", "board"),
         ("copies of FAULT_REPORT", str(reports.COPIES), "board"),
         ("complaints (ERROR that answers no request)", f"{replies.ERRORS_PER_SECOND} /s", "board"),
-        ("exchanges that lock the clock", str(timesync.LOCK_EXCHANGES), "both"),
+        ("exchanges that lock the clock", str(timesync.LOCK_EXCHANGES), "host"),
     ]
     return "".join(f"- {quantity}: {value} ({end})\n" for quantity, value, end in rows)
 
