@@ -249,7 +249,9 @@ class State(Message, frozen=True, gc=False):
     tick: Annotated[int, Wire("u16", "samples since boot, wraps")]
     mode: Annotated[BoardState, Wire("u8", "state of the board's machine")]
     limiter: Annotated[Limiter, Wire("u8", "what holds the current below the setpoint")]
-    faults: Annotated[int, Wire("u32", "faults since the last CLEAR_FAULT, fault n is bit n - 1", bits=Fault)]
+    faults: Annotated[
+        int, Wire("u32", "faults since the last CLEAR_FAULT, fault n is bit n - 1", bits=Fault)
+    ]
     warnings: Annotated[int, Wire("u16", "active warnings, warning n is bit n", bits=Warning)]
     i_meas_mA: Annotated[
         tuple[int, int],
@@ -372,7 +374,9 @@ class LinkStats(Message, frozen=True, gc=False):
     repeated_requests: Annotated[int, Wire("u32", "copies of requests, not carried out again")]
     dropped_states: Annotated[int, Wire("u32", "STATE frames replaced before they were sent")]
     overruns: Annotated[int, Wire("u32", "samples late by more than half a period")]
-    longest_loop_us: Annotated[int, Wire("u32", "longest time between samples since the last report", unit="us")]
+    longest_loop_us: Annotated[
+        int, Wire("u32", "longest time between samples since the last report", unit="us")
+    ]
 
 
 MESSAGES: tuple[type[Message], ...] = (

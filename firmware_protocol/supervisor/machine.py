@@ -117,9 +117,9 @@ def run_timers(s: Memory, lim: Limits) -> None:
             s.capped = not cold
             fire(s, Trigger.COOLED)
     elif s.state == BoardState.FAULT and (cold or capped):
-        # A gate that stays conducting, on a driver that does: only water is left.
-        if max(s.i_uA[0], s.i_uA[1]) <= lim.off_current_mA * 1000:
-            s.cooling = 0
+        # Where gate and driver both stay conducting, nothing but water cools.
+        flows = max(s.i_uA[0], s.i_uA[1]) > lim.off_current_mA * 1000
+        s.cooling = s.cooling and flows
 
 
 def set_warnings(s: Memory, m: Measurements, lim: Limits) -> None:
