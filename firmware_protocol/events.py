@@ -37,7 +37,7 @@ class HostState(enum.Enum):
 class FailureReason(enum.Enum):
     """Why a request came to nothing."""
 
-    TIMEOUT = "no answer after three tries"
+    TIMEOUT = "no answer after all tries"
     REFUSED = "the board refused"
     LINK_LOST = "the port went away or fell silent"
     BOARD_RESTARTED = "the board restarted"

@@ -23,7 +23,7 @@ from firmware_protocol import events as e
 from firmware_protocol import messages as m
 from firmware_protocol.codec import CODEC, Codec
 from firmware_protocol.description import Reader
-from firmware_protocol.enums import BoardState, ValidBit
+from firmware_protocol.enums import BoardState, ResetCause, ValidBit
 from firmware_protocol.errors import (
     NotAllowedError,
     NotARequestError,
@@ -336,7 +336,11 @@ class HostSession:
         if not self._is_known(ident):
             self._time = TimeExchanges()
             self._reports = ReportsSeen()
-            self._estop_wanted = self._estop_wanted and self.board is None
+            before = self.board
+            # Only a power cycle, or another board, ends an ESTOP that no board has confirmed.
+            self._estop_wanted &= before is None or (
+                before.uid == ident.uid and ident.reset_cause is not ResetCause.POWER_ON
+            )
         self.board = ident
         if ident.major != m.PROTOCOL_MAJOR or ident.session == 0:
             line = f"protocol: host has {m.PROTOCOL_MAJOR}.{m.PROTOCOL_MINOR}, board has "

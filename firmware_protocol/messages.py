@@ -249,7 +249,9 @@ class State(Message, frozen=True, gc=False):
     tick: Annotated[int, Wire("u16", "samples since boot, wraps")]
     mode: Annotated[BoardState, Wire("u8", "state of the board's machine")]
     limiter: Annotated[Limiter, Wire("u8", "what holds the current below the setpoint")]
-    faults: Annotated[int, Wire("u32", "active faults, fault n is bit n - 1", bits=Fault)]
+    faults: Annotated[
+        int, Wire("u32", "faults since the last CLEAR_FAULT, fault n is bit n - 1", bits=Fault)
+    ]
     warnings: Annotated[int, Wire("u16", "active warnings, warning n is bit n", bits=Warning)]
     i_meas_mA: Annotated[
         tuple[int, int],
@@ -308,7 +310,7 @@ class FaultReport(Message, frozen=True, gc=False):
         pace="three times, with the next STATE frames; readable again",
     )
     axis: Annotated[int, AXIS]
-    index: Annotated[int, Wire("u8", "counted since boot, 0 is the first")]
+    index: Annotated[int, Wire("u8", "counted since boot, 0 is the first; stops at 255")]
     fault: Annotated[Fault, Wire("u8", "the cause")]
     channel: Annotated[Channel, Wire("u8", "where it was seen")]
     t_us: Annotated[int, Wire("u32", "board time", unit="us")]
@@ -369,10 +371,12 @@ class LinkStats(Message, frozen=True, gc=False):
     payload_errors: Annotated[int, Wire("u32", "good frames with an unknown type or bad payload")]
     session_errors: Annotated[int, Wire("u32", "frames of another session")]
     stale_setpoints: Annotated[int, Wire("u32", "setpoints too old or out of order")]
-    repeated_requests: Annotated[int, Wire("u32", "requests answered again without acting")]
+    repeated_requests: Annotated[int, Wire("u32", "copies of requests, not carried out again")]
     dropped_states: Annotated[int, Wire("u32", "STATE frames replaced before they were sent")]
-    overruns: Annotated[int, Wire("u32", "loops longer than their period")]
-    longest_loop_us: Annotated[int, Wire("u32", "longest loop since the last report", unit="us")]
+    overruns: Annotated[int, Wire("u32", "samples late by more than half a period")]
+    longest_loop_us: Annotated[
+        int, Wire("u32", "longest time between samples since the last report", unit="us")
+    ]
 
 
 MESSAGES: tuple[type[Message], ...] = (

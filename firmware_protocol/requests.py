@@ -1,4 +1,4 @@
-"""The host's requests: one in flight, the rest waiting, three tries each; a stop goes first.
+"""The host's requests: one in flight, the rest waiting, a few tries each; a stop goes first.
 
 An urgent request goes out at once, also while another is in flight. The board then drops repeats of
 the older one, so it waits: its answer is still taken, and without one it is asked again, under a
@@ -17,10 +17,12 @@ from collections.abc import Callable
 import msgspec
 
 from firmware_protocol.errors import QueueFullError
-from firmware_protocol.messages import Message
+from firmware_protocol.messages import Message, ParamSave
 from firmware_protocol.stats import HostLinkStats
 
 TRIES = 3
+SAVE_TRIES = 6
+"""Of PARAM_SAVE: a chip writes for 3.4 ms at each byte, for 0.9 s if every parameter changed."""
 LEAST_RTO_US = 25_000
 FIRST_RTO_US = 100_000
 MOST_RTO_US = 500_000
@@ -117,7 +119,7 @@ class RequestQueue:
         pending = self._in_flight
         if pending is None or now_us < pending.deadline_us:
             return None
-        if pending.tries < TRIES:
+        if pending.tries < (SAVE_TRIES if isinstance(pending.message, ParamSave) else TRIES):
             self._stats.repeats += 1
             self._transmit(pending, now_us)
             return None

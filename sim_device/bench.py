@@ -32,7 +32,7 @@ from sim_device.plant.errors import InputError
 from sim_device.plant.laws import Law
 
 _CURRENT, _DUTY, _TTL, _STAGE = (COMMAND[n] for n in ("i_mA", "duty", "ttl_us", "stage_um"))
-WATCHDOG_US = 100_000
+WATCHDOG_US = 120_000
 UART_BYTES = 512
 """What the receive buffer of the chip holds while its loop hangs."""
 SPLIT_LEAST_US = 200
@@ -275,11 +275,12 @@ class SimulatedBench:
 
     def _hangs(self, period_us: int) -> bool:
         """Return whether this sample is not taken; the watchdog ends what lasts too long."""
-        if self.now_us >= self._hung_until_us:
+        bites_us = self._hung_from_us + WATCHDOG_US
+        if min(self.now_us, self._hung_until_us) >= bites_us:
+            self.reboot(ResetCause.WATCHDOG)
+        elif self.now_us >= self._hung_until_us:
             self._hung_until_us = 0
             return False
-        if self.now_us - self._hung_from_us >= WATCHDOG_US:
-            self.reboot(ResetCause.WATCHDOG)
         else:
             self._skipped_us += period_us
         return True

@@ -325,7 +325,7 @@ _ROWS: tuple[FaultKind, ...] = (
               0.5),
     FaultKind("power_cycle", "board", "the board is without power for a moment",
               _restart(ResetCause.POWER_ON), None, {}, (), 0.5),
-    FaultKind("hang", "board", "the loop hangs; the watchdog restarts it after 100 ms", _hang,
+    FaultKind("hang", "board", "the loop hangs; the watchdog restarts it after 120 ms", _hang,
               None, {"seconds": 0.07}, (Fault.LOOP_OVERRUN,), 4.0),
     FaultKind("slow_loop", "board", "each sample takes so many periods", _slow, _not_slow,
               {"times": 8.0}, (Fault.LOOP_OVERRUN,), 4.0),

@@ -236,7 +236,7 @@ void hal_uid(uint8_t uid[12])
 
 static void start_pins(void)
 {
-    PORTA = RTD_SELECTS | DAC_SELECT | ENCODER_ALARM;
+    PORTA = RTD_SELECTS | DAC_SELECT | ENCODER_ALARM | BRIDGE_DATA; /* unplugged is not ready */
     DDRA = RTD_SELECTS | DAC_SELECT | BRIDGE_CLOCK;
     DDRB = SCK | MOSI | MARK;
     PORTC = LEAK;

@@ -87,7 +87,7 @@ uint16_t hal_rtd(uint8_t channel)
 
 int32_t hal_bridge(void)
 {
-    static int32_t latest;
+    static int32_t latest = BRIDGE_DEAD;
     static uint8_t silent;
     uint32_t code = 0;
     if ((PINA & BRIDGE_DATA) != 0) {

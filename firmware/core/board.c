@@ -11,6 +11,7 @@
 #define SELF_TEST_SAMPLES 5u
 #define STATS_EVERY_US 1000000
 #define AGE_MOST_US 0xFFFEu
+#define BYTES_A_TURN 32u /* a line full of noise must not keep the loop from its samples */
 #define LINK_SESSION 1
 #define LINK_SCHEMA 2
 #define LINK_PARAMETERS 4
@@ -444,13 +445,14 @@ void board_poll(void)
 {
     uint32_t t_us;
     int byte;
+    uint8_t left = BYTES_A_TURN;
     if (hal_sample_due(&t_us)) {
         hal_mark(true);
         take_sample(t_us);
         session_flush(time_now());
         hal_mark(false);
     }
-    while ((byte = hal_serial_read()) >= 0) {
+    while (left-- > 0 && (byte = hal_serial_read()) >= 0) {
         /* Only the byte that ends a frame makes anything happen, and needs the time. */
         session_byte((uint8_t)byte, byte == 0 ? time_now() : 0);
         if (byte == 0) {

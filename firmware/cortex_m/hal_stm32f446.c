@@ -230,7 +230,7 @@ uint16_t hal_rtd(uint8_t channel)
 
 int32_t hal_bridge(void)
 {
-    static int32_t latest;
+    static int32_t latest = BRIDGE_DEAD;
     static uint32_t silent;
     uint32_t code = 0;
     if ((GPIO_IDR(GPIOC) & BRIDGE_DATA) != 0) {

@@ -31,7 +31,7 @@ void nucleo_start_pins(void)
     GPIO_PUPDR(GPIOB) = 1u << 12 | 1u << 14 | 1u << 16 | 1u << 18;
     GPIO_MODER(GPIOC) = 1u << 0 | 3u << 2 | 1u << 4 | 1u << 6 | 1u << 8 | 1u << 10 | 1u << 12
                         | 1u << 16 | 1u << 20 | 1u << 22 | 1u << 24;
-    GPIO_PUPDR(GPIOC) = 1u << 18 | 1u << 26;
+    GPIO_PUPDR(GPIOC) = 1u << 14 | 1u << 18 | 1u << 26;
 }
 
 void nucleo_start_timers(void)

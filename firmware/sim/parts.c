@@ -17,6 +17,7 @@
 #define ENCODER_ALARM 7
 #define BRIDGE_DATA 5
 #define BRIDGE_CLOCK 6
+#define BRIDGE_MOST 8388607 /* a reading beyond: nothing is plugged in */
 #define DAC 4
 #define EDGE_LEAST 640u /* cycles; 25 mm/s at a count of 1 um, beyond what the bench does */
 
@@ -83,6 +84,18 @@ static void on_clock(struct avr_irq_t *irq, uint32_t value, void *unused)
     }
 }
 
+/* Against the pull-up of the chip, if there is a bridge. */
+static void drive_bridge(uint32_t bit)
+{
+    bool plugged = shown.bridge <= BRIDGE_MOST;
+    avr_ioport_external_t driven = {.name = 'A', .mask = (unsigned char)(plugged << BRIDGE_DATA),
+                                    .value = (unsigned char)(bit << BRIDGE_DATA)};
+    avr_ioctl(avr, AVR_IOCTL_IOPORT_SET_EXTERNAL('A'), &driven);
+    if (plugged) {
+        avr_raise_irq(parts_pin(avr, 'A', BRIDGE_DATA), bit);
+    }
+}
+
 static void on_bridge_clock(struct avr_irq_t *irq, uint32_t value, void *unused)
 {
     (void)irq, (void)unused;
@@ -94,10 +107,10 @@ static void on_bridge_clock(struct avr_irq_t *irq, uint32_t value, void *unused)
     }
     if (++bridge_bits == 25) {
         bridge_bits = 0;
-        avr_raise_irq(parts_pin(avr, 'A', BRIDGE_DATA), 0); /* the next conversion is there */
+        drive_bridge(0); /* the next conversion is there */
         return;
     }
-    avr_raise_irq(parts_pin(avr, 'A', BRIDGE_DATA), bridge_word >> 31);
+    drive_bridge(bridge_word >> 31);
     bridge_word <<= 1;
 }
 
@@ -205,7 +218,7 @@ void parts_reset(void)
     for (uint8_t k = 0; k < 8; k++) {
         avr_extint_set_strict_lvl_trig(avr, k, 0);
     }
-    avr_raise_irq(parts_pin(avr, 'A', BRIDGE_DATA), 0);
+    drive_bridge(0);
     /* The reset forgot these levels; what stays equal would not be raised again. */
     avr_raise_irq(parts_pin(avr, 'C', LEAK), 0);
     avr_raise_irq(parts_pin(avr, 'A', ENCODER_ALARM), 0);

@@ -1310,6 +1310,7 @@ static void smad_sv_latch(struct smad_sv_memory *s, uint8_t fault, uint8_t chann
 {
     smad_sv_remember(s, fault, channel);
     smad_sv_fire(s, trigger);
+    s->cooling = ((int16_t)s->cooling & (int16_t)FAULT_PUMPS[fault]);
 }
 
 static void smad_sv_run_checks(struct smad_sv_memory *s, const struct smad_sv_measurements *m, const struct smad_sv_limits *lim)
@@ -1342,6 +1343,7 @@ static void smad_sv_run_timers(struct smad_sv_memory *s, const struct smad_sv_li
 {
     int16_t cold;
     int16_t capped;
+    int16_t flows;
     cold = (s->sensor_ok[0]) && (s->sensor_ok[1]) && (smad_sv_max16(s->t_cC[0], s->t_cC[1]) < (int16_t)lim->cold_cC);
     capped = (s->now_us - s->entered_us) >= (int64_t)lim->cool_cap_us;
     if ((int16_t)s->state == SMAD_BOARD_STATE_ARMED) {
@@ -1360,7 +1362,8 @@ static void smad_sv_run_timers(struct smad_sv_memory *s, const struct smad_sv_li
             smad_sv_fire(s, SMAD_TRIGGER_COOLED);
         }
     } else if (((int16_t)s->state == SMAD_BOARD_STATE_FAULT) && ((cold) || (capped))) {
-        s->cooling = 0;
+        flows = smad_sv_max32(s->i_uA[0], s->i_uA[1]) > ((int32_t)SMAD_SV_LIMIT_OFF_CURRENT_MA * (int32_t)1000);
+        s->cooling = (s->cooling) && (flows);
     }
 }
 

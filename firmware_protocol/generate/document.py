@@ -146,7 +146,7 @@ def _numbers(codec: Codec) -> str:
     first, *_, last = greeting.INTERVALS_US
     rows = [
         ("HELLO repeated after", f"{first // 1000} ms, growing to {last // 1000} ms", "host"),
-        ("tries of a request", str(requests.TRIES), "host"),
+        ("tries of a request", f"{requests.TRIES}, of PARAM_SAVE {requests.SAVE_TRIES}", "host"),
         ("first time to wait for an answer", f"{requests.FIRST_RTO_US // 1000} ms", "host"),
         ("shortest time to wait", f"{requests.LEAST_RTO_US // 1000} ms", "host"),
         ("requests without an answer that end a session", str(host.TIMEOUT_LIMIT), "host"),
@@ -156,7 +156,7 @@ def _numbers(codec: Codec) -> str:
         ("oldest setpoint accepted", f"{board.MAX_SETPOINT_AGE_US // 1000} ms", "board"),
         ("copies of FAULT_REPORT", str(reports.COPIES), "board"),
         ("complaints (ERROR that answers no request)", f"{replies.ERRORS_PER_SECOND} /s", "board"),
-        ("exchanges that lock the clock", str(timesync.LOCK_EXCHANGES), "both"),
+        ("exchanges that lock the clock", str(timesync.LOCK_EXCHANGES), "host"),
     ]
     return "".join(f"- {quantity}: {value} ({end})\n" for quantity, value, end in rows)
 

@@ -96,8 +96,8 @@ def _checks() -> str:
         rows.append((check.fault.name, channels, when, _debounce(check), states))
     head = ("fault", "channels", "trips when", "for", "watched in")
     dry = [fault.name for fault, text in FAULT_TEXTS.items() if fault and not text.pumps]
-    pumps = f"In FAULT pumps run until cold or capped, but not after {', '.join(dry)}."
-    return f"{_table(head, rows)}\n{pumps}\n"
+    pumps = "In FAULT pumps run until cold or capped, or while current flows, but not after "
+    return f"{_table(head, rows)}\n{pumps}{', '.join(dry)}.\n"
 
 
 _CHANNELS = {

@@ -14,7 +14,7 @@ class FaultText:
     unit: str
     """Unit of the measured value and of the limit in a FAULT report."""
     pumps: bool
-    """Whether the pumps run (until cold or capped) while this is the first fault."""
+    """Whether the pumps may run in FAULT while this fault stands."""
     cause: str
     remedy: str
 
@@ -63,7 +63,8 @@ FAULT_TEXTS: dict[Fault, FaultText] = {
         True,
         "A sensor gives no value or the end of its range: converter failed, load cell "
         "overloaded, or encoder signal lost.",
-        "The channel of the fault names the sensor. Check its plug and converter.",
+        "The channel of the fault names the sensor. Check its plug and converter, then reset the "
+        "board: the converter of an RTD keeps its fault.",
     ),
     Fault.SENSOR_OPEN: FaultText(
         "cC",

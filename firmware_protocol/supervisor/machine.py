@@ -77,9 +77,10 @@ def remember(s: Memory, fault: int, channel: int) -> None:
 
 
 def latch(s: Memory, fault: int, channel: int, trigger: int) -> None:
-    """Add a fault, and follow its trigger."""
+    """Add a fault, and follow its trigger. One that forbids the pumps also stops running ones."""
     remember(s, fault, channel)
     fire(s, trigger)
+    s.cooling &= FAULT_PUMPS[fault]
 
 
 def run_checks(s: Memory, m: Measurements, lim: Limits) -> None:
@@ -116,7 +117,9 @@ def run_timers(s: Memory, lim: Limits) -> None:
             s.capped = not cold
             fire(s, Trigger.COOLED)
     elif s.state == BoardState.FAULT and (cold or capped):
-        s.cooling = 0
+        # Where gate and driver both stay conducting, nothing but water cools.
+        flows = max(s.i_uA[0], s.i_uA[1]) > lim.off_current_mA * 1000
+        s.cooling = s.cooling and flows
 
 
 def set_warnings(s: Memory, m: Measurements, lim: Limits) -> None:

@@ -9,7 +9,7 @@ _TEXT: dict[ErrorCode, str] = {
     ErrorCode.NO_SESSION: "no session is open; connect first",
     ErrorCode.SCHEMA_DIFFERS: "host and board use different message tables; update one of them",
     ErrorCode.PARAMETERS_DIFFER: "host and board disagree on the parameters; read them again",
-    ErrorCode.CLOCK_UNLOCKED: "the clocks are not locked yet; wait a second",
+    ErrorCode.CLOCK_UNLOCKED: "the clock of the board does not run steadily; wait a second",
     ErrorCode.SENSOR_INVALID: "{channel} reads {value}, which is no reading; check its wires",
     ErrorCode.TOO_HOT: "{channel} is at {value} cC, must be below {limit} cC; let it cool",
     ErrorCode.CURRENT_FLOWING: (

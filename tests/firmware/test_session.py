@@ -2,13 +2,14 @@
 
 import itertools
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 import pytest
 
 from firmware_protocol import messages as wire
-from firmware_protocol.enums import BoardState, ErrorCode, Fault, ResetCause
+from firmware_protocol.enums import BoardState, ErrorCode, Fault, ResetCause, ValidBit
 from firmware_protocol.events import Connected, HostEvent, HostState, RequestDone
 from firmware_protocol.framing import FrameDecoder
 from firmware_protocol.generate.vectors import random_message
@@ -376,6 +377,14 @@ def test_saved_parameters_survive_a_power_cycle_and_others_do_not(make: Make) ->
     assert loop.bench.board.outputs.applied_mA[0] == 900
 
 
+def test_a_save_of_every_parameter_is_waited_for(make_firmware: MakeFirmware) -> None:
+    loop = Loop(make_firmware()).connected()
+    for row in (row for row in PARAMETERS if not row.choices):
+        other = row.minimum if row.minimum != row.default else row.maximum
+        assert isinstance(loop.request(wire.ParamSet(0, row.number, other)), wire.ParamValue)
+    assert isinstance(loop.request(wire.ParamSave()), wire.Done)
+
+
 def test_a_save_that_meets_the_save_of_an_earlier_session_is_carried_out_after_it(
     make: Make,
 ) -> None:
@@ -480,6 +489,32 @@ def test_garbage_and_floods_cost_nothing_but_time(make: Make) -> None:
     assert loop.host.stats.missed_states <= 20
 
 
+def test_a_line_full_of_noise_without_a_delimiter_costs_the_chip_no_sample() -> None:
+    needs("avr")
+    bench = firmware_bench("avr")
+    loop = Loop(bench).connected()
+    before = len(loop.states)
+    bench.receive(b"\x55" * 20_000)
+    loop.step(50)
+    assert bench.board.resets == 0
+    times = [state.t_us for state in loop.states[before:]]
+    assert {b - a for a, b in itertools.pairwise(times)} == {10_000}
+    bench.close()
+
+
+def test_a_bridge_that_is_unplugged_gives_no_reading(monkeypatch: pytest.MonkeyPatch) -> None:
+    needs("avr")
+    bench = firmware_bench("avr")
+    loop = Loop(bench).connected()
+    assert loop.states[-1].valid & ValidBit.FORCE
+    seen = bench.board.seen
+    unplugged = {"bridge": 2**31 - 1}
+    monkeypatch.setattr(bench.board, "seen", lambda *shown: replace(seen(*shown), **unplugged))
+    loop.step(60)
+    assert not loop.states[-1].valid & ValidBit.FORCE
+    bench.close()
+
+
 def test_a_loop_that_hangs_is_ended_by_the_watchdog_with_the_gate_off(
     make_firmware: MakeFirmware,
 ) -> None:
@@ -510,11 +545,12 @@ def test_ticks_stay_where_they_were_when_interrupts_were_held_off_for_longer_tha
     bench.close()
 
 
-def test_a_short_hang_is_a_fault_and_no_restart(make: Make) -> None:
+@pytest.mark.parametrize("seconds", [0.07, 0.105])
+def test_a_short_hang_is_a_fault_and_no_restart(make: Make, seconds: float) -> None:
     loop = Loop(make()).armed()
     loop.answer = hold(2000)
     loop.step(20)
-    loop.bench.hang(0.07)
+    loop.bench.hang(seconds)
     loop.until(lambda: loop.mode is BoardState.FAULT, 60)
     assert loop.reports[-1].fault is Fault.LOOP_OVERRUN
     assert loop.restarts == 0

@@ -198,10 +198,13 @@ class Pair:
             if self.control and isinstance(event, e.StateReceived):
                 self.host.send_setpoint(setpoint(event.state.t_us))
 
-    def reboot(self, *, announce: bool = True) -> None:
+    def reboot(self, *, announce: bool = True, cause: ResetCause = ResetCause.POWER_ON) -> None:
         old = self.board
         ident = msgspec.structs.replace(
-            old.ident, major=m.PROTOCOL_MAJOR, boot_count=old.ident.boot_count + 1
+            old.ident,
+            major=m.PROTOCOL_MAJOR,
+            boot_count=old.ident.boot_count + 1,
+            reset_cause=cause,
         )
         self.board = TestBoard(ident=ident, codec=old.codec, t_us=0)
         self._board_start_us = -(self.now_us - 1_000_000)

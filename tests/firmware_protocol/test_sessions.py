@@ -8,7 +8,7 @@ import pytest
 from firmware_protocol import events as e
 from firmware_protocol import messages as m
 from firmware_protocol.codec import CODEC
-from firmware_protocol.enums import BoardState, Channel, ErrorCode, Fault
+from firmware_protocol.enums import BoardState, Channel, ErrorCode, Fault, ResetCause
 from firmware_protocol.errors import (
     NotARequestError,
     NotConnectedError,
@@ -264,6 +264,18 @@ def test_estop_ends_with_the_power_cycle_that_it_asks_for() -> None:
     pair.run(100)
     assert pair.board.mode is BoardState.SAFE
     assert pair.host.state is HostState.MONITOR
+
+
+@pytest.mark.parametrize("cause", [ResetCause.PIN, ResetCause.WATCHDOG, ResetCause.UNKNOWN])
+def test_an_estop_that_a_reset_of_the_board_swallowed_is_sent_again(cause: ResetCause) -> None:
+    pair = Pair().connect()
+    pair.up.dead = True
+    pair.host.send_estop()
+    pair.run(5)
+    pair.reboot(cause=cause)
+    pair.up.dead = False
+    pair.run(100)
+    assert pair.board.mode is BoardState.ESTOP
 
 
 def test_another_board_on_the_port_has_a_clock_and_an_estop_of_its_own() -> None:

@@ -26,7 +26,7 @@ REFUSALS: dict[ErrorCode, tuple[str, str]] = {
         "unplug it and plug it in again, so that they are read anew",
     ),
     ErrorCode.CLOCK_UNLOCKED: (
-        "board and host clocks are not aligned yet",
+        "the clock of the board does not run steadily",
         "wait a second and try again",
     ),
     ErrorCode.SENSOR_INVALID: (

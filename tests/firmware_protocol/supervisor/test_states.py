@@ -450,6 +450,35 @@ def test_a_fault_cuts_the_gate_keeps_measuring_and_runs_the_pumps() -> None:
     assert rig.memory.duty == [0, 0], "cold again, the pumps rest"
 
 
+def test_a_leak_stops_the_pumps_that_an_earlier_fault_runs() -> None:
+    rig = faulted()
+    assert rig.memory.duty == [255, 255]
+    rig.m.leak = 1
+    rig.seconds(0.1)
+    assert rig.memory.first_fault == Fault.SENSOR_OPEN
+    assert rig.memory.duty == [0, 0]
+    rig.m.leak = 0
+    rig.seconds(1.0)
+    assert rig.memory.duty == [0, 0], "what has leaked once is not filled again"
+
+
+def test_in_fault_the_pumps_run_while_current_flows_however_cold_and_however_long() -> None:
+    rig = ready()
+
+    def welded(m: Measurements) -> None:
+        m.i_mA[1] = 3000
+
+    rig.spoil = welded
+    rig.until(BoardState.FAULT)
+    assert rig.memory.first_fault == Fault.UNCOMMANDED_CURRENT
+    for _ in range(70):
+        rig.seconds(1.0)
+        assert rig.memory.duty == [255, 255]
+    mend(rig)
+    rig.seconds(1.0)
+    assert rig.memory.duty == [0, 0]
+
+
 def test_a_fault_is_cleared_by_name_when_its_cause_is_gone_and_all_is_cold() -> None:
     rig = faulted()
     assert rig.event(FaultCleared(Fault.LEAK)).code is ErrorCode.WRONG_FAULT
