@@ -35,7 +35,7 @@ from smad.daemon.command.conditions import (
     require_disarmed,
     require_stage,
 )
-from smad.daemon.command.lease import Caller
+from smad.daemon.command.lease import Caller, Holder
 from smad.daemon.command.status import StatusReport
 from smad.daemon.errors import Refusal, raise_together
 from smad.errors import RunLogError
@@ -66,6 +66,8 @@ class Service:
         self._arm_command = ArmCommand(bench)
         self._recording_by = b""
         """The client that began the run log by command."""
+        self._gains_before: dict[str, Tune] = {}
+        """Those in force when somebody took exclusive control, by axis."""
         self.methods: dict[type[Struct], Callable[[Any, Caller], Answer]] = {
             method.params: getattr(self, method.name.replace(".", "_")) for method in METHODS
         }
@@ -135,11 +137,22 @@ class Service:
             data = {"holder": lapsed.name, "silent_s": silent_s}
             by = f"a lapsed lease: {cause}"
             self._stops.stop_by_daemon(cause, f"{cause}; disarming", data, by=by)
+        if lapsed is not None:
+            self._undo_tuning_of(lapsed)
         if self._dead_man.expired(now_us):
             cause = "the client that armed the bench stopped sending"
             self._stops.stop_by_daemon(
                 cause, f"{cause}; disarming", {}, by=f"the dead-man: {cause}"
             )
+
+    def _undo_tuning_of(self, lapsed: Holder) -> None:
+        """Bring back the gains from before a holder that vanished: it can no longer do so."""
+        for name, gains in self._gains_before.items():
+            axis = self._bench.axes[name]
+            if axis.controller.gains != gains:
+                axis.controller.command(gains)
+                why = f"gains are those from before {lapsed.name} took control"
+                axis.services.say("warning", why, {"holder": lapsed.name})
 
     def arm(self, params: api.Arm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Ask the boards for tokens, begin the run log, confirm: the axes named, or all."""
@@ -379,6 +392,8 @@ class Service:
         if not self._lease.is_held_with(caller.lease, now_us):
             self._lease.check("", now_us)
             self._require_not_armed_by_another(caller)
+            axes = self._bench.axes.items()
+            self._gains_before = {name: axis.controller.gains for name, axis in axes}
         duration_us = int(params.lease_s * 1e6)
         holder = self._lease.take(caller.lease, params.name, duration_us, now_us, caller.client)
         return msgspec.structs.replace(self._status.lease(holder.secret), lease=holder.secret)

@@ -370,6 +370,32 @@ async def test_who_has_control_and_vanishes_leaves_a_disarmed_bench(tmp_path: Pa
         assert rig.said.count("sent nothing") == 1
 
 
+async def test_gains_that_a_vanished_holder_has_tuned_are_those_from_before(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        await rig.ask("tune", kp_A_per_mm=0.7)
+        before = rig.axis.controller.gains
+        ada = {"lease": (await rig.ask("control.take", name="Ada", lease_s=2.0))["lease"]}
+        await rig.ask("tune", members=ada, kp_A_per_mm=3.0, cooling="off")
+        assert rig.axis.controller.gains != before
+        await rig.ask("control.take", members=ada, name="Ada", lease_s=2.0)
+        await rig.run_for(2.5)
+        await rig.ask("status", client=b"bob")
+        assert rig.axis.controller.gains == before
+        assert "gains are those from before Ada took control" in rig.said
+
+
+async def test_gains_of_who_gives_control_back_stay(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        ada = {"lease": (await rig.ask("control.take", name="Ada", lease_s=2.0))["lease"]}
+        await rig.ask("tune", members=ada, kp_A_per_mm=3.0)
+        await rig.ask("control.release", members=ada)
+        await rig.run_for(3.0)
+        await rig.ask("status", client=b"bob")
+        assert rig.axis.controller.gains.kp_A_per_mm == 3.0
+
+
 async def not_armed(rig: Rig) -> None:
     """Housekeeping, which looks at leases, is paced by the wall clock."""
     while HostState.RUNNING is rig.axis.session.state or rig.bench.board.state is BoardState.ARMED:
