@@ -36,14 +36,15 @@ class RunPart:
     """A run on the axis of a page: the part of it that is shown.
 
     `x` in s from the run's first sample, shape (n,), increasing; `y` the columns, each of that
-    shape; `start_s` the board time of x = 0. `sign` stands for its name where several are shown.
+    shape. `begins` of shape (3, k) are host time, board time and x where the board began to count,
+    once and at each restart. `sign` stands for its name where several are shown.
     """
 
     run: Run
     label: str
     x: Array
     y: Mapping[str, Column]
-    start_s: float
+    begins: Array
     sign: str = ""
 
     @property
@@ -55,6 +56,16 @@ class RunPart:
     def timed(self) -> Mapping[str, Column]:
         """The columns with the time of the page in place of the board's."""
         return {**self.y, "t_s": self.x}
+
+    def x_of(self, event: Event) -> float | None:
+        """Where an event is on the axis; None without a board time."""
+        if event.t_s is None:
+            return None
+        host_s, board_s, x = self.begins
+        since_s = event.t_s - board_s
+        away_s = np.abs(host_s + since_s - (event.host_time_s or np.nan))
+        k = int(np.argmin(np.nan_to_num(away_s, nan=np.inf)))
+        return float(x[k] + since_s[k])
 
 
 def elapsed_s(t_s: Array) -> Array:
@@ -100,7 +111,9 @@ def _part(run: Run, label: str, from_s: float, to_s: float) -> RunPart:
             action="choose another part, or another log",
         )
     columns = {name: column[inside] for name, column in run.columns.items()}
-    return RunPart(run, label, x[inside], columns, float(t_s[0]))
+    at = np.append(0, np.flatnonzero(np.diff(t_s) <= 0.0) + 1)
+    begins = np.stack([run.columns["host_time_s"].astype(np.float64), t_s, x])[:, at]
+    return RunPart(run, label, x[inside], columns, begins)
 
 
 def panels_of(runs: Sequence[RunPart], caption: str = "") -> Panels:
@@ -148,9 +161,9 @@ def _sign(number: int) -> str:
 
 def _marks(drawn: RunPart) -> list[Mark]:
     return [
-        Mark(event.t_s - drawn.start_s, event.text)
+        Mark(x, event.text)
         for event in drawn.run.events
-        if event.kind in _MARKED and event.t_s is not None
+        if event.kind in _MARKED and (x := drawn.x_of(event)) is not None
     ]
 
 
@@ -228,11 +241,11 @@ def _events(drawn: RunPart) -> Table:
     left_out = len(drawn.run.events) - len(events)
     return Table(
         ("time (s)", "kind", "what"),
-        [(_when(event, drawn.start_s), event.kind, event.text) for event in events],
+        [(_when(drawn.x_of(event)), event.kind, event.text) for event in events],
         f"The last {len(events)}; {left_out} earlier ones are in the log" if left_out else "",
         numeric=frozenset({0}),
     )
 
 
-def _when(event: Event, start_s: float) -> str:
-    return "" if event.t_s is None else f"{event.t_s - start_s:z.3f}"
+def _when(x: float | None) -> str:
+    return "" if x is None else f"{x:z.3f}"

@@ -21,6 +21,7 @@ from smad.report.panels import Panel, Panels, Trace
 from smad.report.planes import Curve, Plane, Quantity
 from smad.report.runs import elapsed_s, page_of, panels_of, run_parts
 from smad.runlog.reader import read_run
+from smad.runlog.schema import Event
 from smad.runlog.writer import write_run
 from smad.style.decimation import Decimation
 from tests.smad.runlog.helpers import HEADER, rows, write_small_run
@@ -86,6 +87,16 @@ def test_a_name_cannot_leave_the_data() -> None:
 def test_time_runs_on_where_the_board_restarted() -> None:
     assert elapsed_s(np.array([5.0, 5.1, 5.2, 0.0, 0.1])) == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
     assert elapsed_s(np.array([])).shape == (0,)
+
+
+def test_a_note_after_a_restart_of_the_board_is_marked_where_it_was_made(tmp_path: Path) -> None:
+    before, after = list(rows(100, 500)), list(rows(100))
+    after = [replace(row, host_time_s=row.host_time_s + 6.0) for row in after]
+    noted = Event(t_s=0.5, host_time_s=after[50].host_time_s, kind="note", text="cold again")
+    write_run(tmp_path / "run.mcap", HEADER, [*before, *after, noted])
+    (drawn,) = run_parts([read_run(tmp_path / "run.mcap")])
+    (mark,) = panels_of([drawn]).marks
+    assert mark.x == pytest.approx(drawn.x[150])
 
 
 def two_runs(folder: Path) -> tuple[Path, Path]:
