@@ -35,6 +35,7 @@ const link = new Link({
   marks: ({ marks }) => plots.marks(marks),
   job: ({ job }) => runs?.job(job),
   status: take,
+  late: (why) => become("late", "No word from smad view", `${why} STOP may not reach the bench: press it, and use smad disarm or the switch of the bench as well.`),
   lost: (why) => become("lost", "Connection lost", `${why} STOP does not reach the bench from here: use smad disarm, or its switch.`),
 });
 
