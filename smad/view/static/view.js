@@ -259,6 +259,10 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
   $("pause").click();
 });
+// The second click of a double click must not queue, mark or begin a thing again.
+document.addEventListener("click", (event) => {
+  if (event.detail > 1 && event.target.closest("form button")) event.preventDefault();
+}, true);
 submitted("tune", () => {});
 submitted("record", () =>
   ask(status?.recorder.recording ? { do: "end_record" } : { do: "record", name: $("record-name").value }));
