@@ -151,6 +151,7 @@ export class Plots {
     scroll.min = Math.min(view.firstS ?? from, from);
     scroll.max = data.newest ?? to;
     if (document.activeElement !== scroll || view.live) scroll.value = to;
+    scroll.ariaValueText = view.live ? "now" : `${day(to)}${at(to)}`;
     setText($("span"), view.live ? lasting(view.spanS)
       : `Paused: ${day(from)}${at(from)} to ${at(to)}, ${lasting(view.spanS)}${data.past ? `, from ${data.past.source}` : ""}`);
   }

@@ -120,6 +120,8 @@ export class Runs {
     $("job").dataset.state = job.running ? "running" : job.failed ? "failed" : "done";
     $("job-bar").hidden = $("job-end").hidden = !job.running;
     const last = job.lines[job.lines.length - 1] ?? "";
+    // A reader is told of the end, and not of every second before it.
+    $("job-now").ariaLive = job.running ? "off" : "polite";
     setText($("job-now"), job.running ? `${job.took_s.toFixed(0)} s${last && `: ${last}`}`
       : `${job.failed || "done"}, ${job.took_s.toFixed(0)} s`);
     setText($("job-lines"), job.lines.join("\n"));

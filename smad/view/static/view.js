@@ -4,7 +4,7 @@
 import { build, buildLive } from "./forms.js";
 import { Link, moment, msSince } from "./link.js";
 import { element, setText } from "./style/plots.js";
-import { time } from "./plot.js";
+import { day, time } from "./plot.js";
 import { Plots } from "./plots.js";
 import { Queue } from "./queue.js";
 import { Runs, previewed } from "./runs.js";
@@ -92,7 +92,7 @@ function take(message) {
   if (message.away) {
     become("away", "The daemon does not answer", `${message.away}. What stands here is old. STOP may not reach the bench: press it, and use the switch of the bench as well.`, message.silent_s);
   } else if (message.silent_s > 0) {
-    become("silent", "No samples come", `Link: ${status.link}. STOP still works; the values shown are ${message.silent_s.toFixed(0)} s old.`, message.silent_s);
+    become("silent", "No samples come", `Link: ${status.link}. STOP still works; the age of each value stands beside it.`, message.silent_s);
   } else {
     become("live");
   }
@@ -129,11 +129,12 @@ function show(now, anyArmed) {
 }
 
 function tellEvents(events) {
-  const text = JSON.stringify(events);
+  const rows = events.map((event) => [`${day(event.time_s)}${time(event.time_s)}`, ` ${event.text}`]).reverse();
+  const text = JSON.stringify(rows);
   if (text === eventsShown) return;
   eventsShown = text;
-  $("events").replaceChildren(...[...events].reverse().map((event) => element("li", {},
-    element("time", { textContent: time(event.time_s) }), ` ${event.text}`)));
+  $("events").replaceChildren(...rows.map(([when, what]) =>
+    element("li", {}, element("time", { textContent: when }), what)));
 }
 
 function mode(name) {
