@@ -1,6 +1,8 @@
 """Queries that the server answers itself: the past, the runs, the forms, and the one job."""
 
 import asyncio
+import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -153,18 +155,30 @@ async def of_memory(feed: Feed, from_s: float, to_s: float, view: View) -> tuple
 
 
 def _one_frame(parts: Sequence[Frame], channels: int) -> Frame:
-    t = [value for part in parts for value in part.t]
-    y = [[value for part in parts for value in part.y[k]] for k in range(channels)]
+    t, y = _in_order(parts, channels)
     return Frame(t[0] if t else 0.0, t, y)
+
+
+def _in_order(parts: Sequence[Frame | Moments], channels: int) -> tuple[list[float], list[Curve]]:
+    """Times and curves one after the other: the last bucket of memory reaches into the log."""
+    t: list[float] = []
+    y: list[Curve] = [[] for _ in range(channels)]
+    for part in parts:
+        begin = bisect_right(part.t, t[-1]) if t else 0
+        t += part.t[begin:]
+        for curve, more in zip(y, part.y, strict=True):
+            curve.extend(more[begin:])
+    return t, y
 
 
 def _one_row(parts: Sequence[Moments], channels: int) -> Moments:
     """Moments one after the other; cycles go on counting from one part to the next."""
-    t: list[float] = []
     cycle: list[int] = []
+    last_s = -math.inf
     for part in parts:
-        shift = (cycle[-1] - part.cycle[0]) if cycle and part.cycle else 0
-        t += part.t
-        cycle += [number + shift for number in part.cycle]
-    y = [[value for part in parts for value in part.y[k]] for k in range(channels)]
+        numbers = part.cycle[bisect_right(part.t, last_s) :]
+        shift = (cycle[-1] - numbers[0]) if cycle and numbers else 0
+        cycle += [number + shift for number in numbers]
+        last_s = max((last_s, *part.t[-1:]))
+    t, y = _in_order(parts, channels)
     return Moments(t[0] if t else 0.0, t, cycle, y)

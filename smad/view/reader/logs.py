@@ -225,10 +225,11 @@ def frame_of(envelopes: Envelopes, width_s: float, channels: Sequence[str]) -> F
     """Return the curves of some channels: every row, or the extremes of stretches of a width."""
     if envelopes.t.size > 2 * MOST_BUCKETS:
         envelopes = envelopes.folded(width_s)
-    single = envelopes.low is envelopes.high
+    single = np.array_equal(envelopes.low, envelopes.high, equal_nan=True)
     t = envelopes.t if single else np.repeat(envelopes.t, 2)
-    if not single and t.size:
-        t[1::2] += width_s / 2
+    if not single:
+        # Of a log that has but a part of the span, stretches are shorter than their width there.
+        t[1::2] += np.fmin(np.diff(envelopes.t, append=np.inf), width_s) / 2
     breaks = np.flatnonzero(np.diff(t) > max(GAP_S, 3 * width_s)) + 1
     times = np.insert(t, breaks, t[breaks] - 1e-3)
     y: list[Curve] = []
