@@ -45,10 +45,13 @@ def test_the_past_of_an_axis_is_read_from_its_own_samples(log: Path, axis: str, 
     assert set(read.frame.y[0]) == {mm}
 
 
-def test_the_times_of_a_span_increase_where_the_log_has_only_a_part_of_it(log: Path) -> None:
+@pytest.mark.parametrize("memory_from_s", [-600, 1])
+def test_the_times_of_a_span_increase_where_the_log_has_only_a_part_of_it(
+    log: Path, memory_from_s: int
+) -> None:
     source, channel = Source("bench"), PLACES["displacement_mm"]
     axis = source.axis("")
-    for n in range(-600, 600):
+    for n in range(memory_from_s, 600):
         axis.feed.add(BEGAN_S + n, (0.0,) * len(PLACES))
     queries = Queries(source)
     span_s, names = (BEGAN_S - 600.0, BEGAN_S + 600.0), ["displacement_mm"]
@@ -69,6 +72,7 @@ def test_the_times_of_a_span_increase_where_the_log_has_only_a_part_of_it(log: P
         assert len(part.t) == len(part.y[0])
         assert (np.diff(part.t) > 0).all()
     assert len(past.moments.cycle) == len(past.moments.t)
+    assert set(read.frame.t) < set(past.frame.t)
 
 
 def test_a_log_of_one_axis_that_was_made_of_several_is_that_axis(log: Path) -> None:
