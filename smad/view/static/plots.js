@@ -61,8 +61,15 @@ export class Plots {
 
   arranged() {
     $("tail").value = this.layout.tail_s;
+    const { activeElement } = document;
+    const place = [...$("xys").children].indexOf(activeElement.closest(".xy"));
     this.strips.build();
     this.xys.build();
+    // Plots are made anew: whoever goes by keyboard stays where they were.
+    const again = activeElement.isConnected ? activeElement
+      : $("xys").children[place]?.querySelector(`[aria-label="${activeElement.ariaLabel}"]`)
+        ?? document.querySelector(".editor[open] > summary");
+    again?.focus();
     this.show();
   }
 

@@ -152,7 +152,11 @@ def test_a_known_loop_is_drawn_as_a_ring_with_each_cycle_in_its_colour(page: Any
 
 
 def test_another_pair_is_drawn_once_it_is_chosen(page: Any) -> None:
-    choose(page, f"[data-xy='{LOOP}'] select[aria-label=Upwards]", "rtd_y_degC")
+    upwards = f"[data-xy='{LOOP}'] select[aria-label=Upwards]"
+    page.execute_script("document.querySelector(arguments[0]).focus()", upwards)
+    choose(page, upwards, "rtd_y_degC")
+    # The next arrow key chooses on.
+    assert page.execute_script("return document.activeElement.value") == "rtd_y_degC"
     other = "[data-xy='rtd_x_degC,rtd_y_degC']"
     until(
         page,
