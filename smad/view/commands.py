@@ -284,6 +284,20 @@ WATCHING = get_args(Watching)
 decoder = msgspec.json.Decoder(Message)
 
 
+class _Numbered(Struct, frozen=True):
+    """A message of which only the number counts."""
+
+    id: int = 0
+
+
+def id_of(text: str | bytes) -> int:
+    """Return the number of a message that is none of ours; 0 where it has none."""
+    try:
+        return msgspec.json.decode(text, type=_Numbered).id
+    except msgspec.MsgspecError:
+        return 0
+
+
 async def carry_out(client: AsyncClient, control: Control, ask: Command) -> str:
     """Do what a page asked for; return what to tell it. Raises what the client raises."""
     client.as_of(ask.generation)

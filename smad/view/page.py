@@ -111,7 +111,7 @@ class Page:
             try:
                 ask = commands.decoder.decode(text)
             except msgspec.MsgspecError as error:
-                await self._reply(0, False, f"not understood: {error}")
+                await self._reply(commands.id_of(text), False, f"not understood: {error}")
                 continue
             await self._take(ask)
 

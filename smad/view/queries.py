@@ -1,6 +1,7 @@
 """Queries that the server answers itself: the past, the runs, the forms, and the one job."""
 
 import asyncio
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -54,11 +55,13 @@ class Queries:
         began_s, ended_s = NO_TIME if read is None else (read.first_s, read.last_s)
         parts: list[tuple[Frame, Moments]] = []
         if from_s < began_s:
-            parts.append(await of_memory(axis.feed, from_s, min(to_s, began_s), view))
+            kept = await of_memory(axis.feed, from_s, min(to_s, began_s), view)
+            parts.append(_between(kept, NO_TIME[1], began_s))
         if read is not None and read.frame.t:
             parts.append((read.frame, read.moments or Moments(0.0, [], [], [[] for _ in view.xy])))
         if read is not None and to_s > ended_s:
-            parts.append(await of_memory(axis.feed, max(from_s, ended_s), to_s, view))
+            kept = await of_memory(axis.feed, max(from_s, ended_s), to_s, view)
+            parts.append(_between(kept, ended_s, NO_TIME[0]))
         named = [("memory", from_s < began_s), ("run log", read is not None and read.frame.t)]
         logged = () if read is None else read.marks
         marks = {
@@ -150,6 +153,19 @@ async def of_memory(feed: Feed, from_s: float, to_s: float, view: View) -> tuple
         await asyncio.sleep(0)
     t = [value for value in curves[0] if value is not None]
     return Frame(t[0] if t else 0.0, t, curves[1:]), tier.moments_between(from_s, to_s, view.xy)
+
+
+def _between(kept: tuple[Frame, Moments], after_s: float, before_s: float) -> tuple[Frame, Moments]:
+    """Return what lies between two times: memory has a neighbour more, which the log has, too."""
+    frame, moments = kept
+    part = slice(bisect_right(frame.t, after_s), bisect_left(frame.t, before_s))
+    row = slice(bisect_right(moments.t, after_s), bisect_left(moments.t, before_s))
+    return (
+        Frame(frame.from_s, frame.t[part], [curve[part] for curve in frame.y]),
+        Moments(
+            moments.from_s, moments.t[row], moments.cycle[row], [curve[row] for curve in moments.y]
+        ),
+    )
 
 
 def _one_frame(parts: Sequence[Frame], channels: int) -> Frame:

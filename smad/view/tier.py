@@ -101,7 +101,8 @@ class Tier:
         self._store()
         t, breaks = self._times(begin, self._count, 1)
         y = [self._curve(begin, self._count, 1, channel, breaks) for channel in channels]
-        return Frame(rounded_time(t[0] - self.bucket_s / 4), t, y), self._open.number
+        # Between the first point, which may be a break, and the last of the bucket before.
+        return Frame(rounded_time(t[0] - self.bucket_s / 8), t, y), self._open.number
 
     def between(self, from_s: float, to_s: float, channels: Sequence[int]) -> Iterator[Curve]:
         """Yield the times between two times, then the values of each channel at these.

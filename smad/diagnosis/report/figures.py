@@ -39,7 +39,7 @@ class Course:
 
     `before` is the simulator as configured, `after` with the causes, fitted without the run (None
     without a fit). Both include the fitted drifts of the run, if it `has_drifts`. `floors` are
-    (bins, channels) in channel units, `order` the channels by gap, `labels` those of their axes.
+    (bins, channels) in `units`, `order` the channels by gap, `labels` those of their axes.
     """
 
     run: str
@@ -50,6 +50,7 @@ class Course:
     floors: Array
     order: tuple[int, ...]
     labels: tuple[str, ...]
+    units: tuple[str, ...]
     paired: bool
     has_drifts: bool
 
@@ -87,6 +88,7 @@ class Course:
             floors=trial.rows.sd,
             order=tuple(int(c) for c in ranked if trial.rows.valid[:, c].any()),
             labels=tuple(labelled(c.words or c.name, c.unit) for c in channels),
+            units=tuple(c.unit for c in channels),
             paired=paired,
             has_drifts=run.has_drifts,
         )
@@ -133,8 +135,7 @@ def largest_gap(course: Course) -> Picture:
     if not course.paired:
         measured, *simulated = course.curves(c)
         _draw(lower, course.t_s, [(measured[0] - y, "", *pen) for y, _, *pen in simulated])
-    unit = course.labels[c].rpartition(", ")[2]
-    words = "" if course.paired else f"measured − simulated, {unit}"
+    words = "" if course.paired else labelled("measured − simulated", course.units[c])
     label(lower, "time of the run, s", "", words, legend=False)
     _legend(figure)
     lead = "The change of the" if course.paired else "The"

@@ -109,7 +109,7 @@ class Panel {
     this.first = first;
     this.off = new Set();
     this.names = panel.traces.map((trace, i) => {
-      const name = element("button", { type: "button", className: "trace" });
+      const name = element("button", { type: "button", className: "trace", ariaPressed: true });
       name.style.color = `var(--${trace.pen})`;
       name.onclick = () => {
         this.off[this.off.has(i) ? "delete" : "add"](i);
@@ -175,6 +175,7 @@ class Panel {
     this.panel.traces.forEach((trace, i) => {
       const show = !this.off.has(i) && !this.all.hidden.has(trace.group);
       this.names[i].classList.toggle("off", !show);
+      this.names[i].ariaPressed = show;
       this.plot.setSeries(i + 1, { show });
     });
   }

@@ -18,7 +18,8 @@ export function cycleColour(share) {
   const at = share * (STOPS.length - 1);
   const low = Math.min(Math.floor(at), STOPS.length - 2);
   const [from, to] = [low, low + 1].map((i) => parts(css(`--${STOPS[i]}`)));
-  return `rgb(${from.map((value, i) => Math.round(value + (at - low) * (to[i] - value))).join(" ")})`;
+  // As the palette writes it: programs that read a saved SVG know no newer notation.
+  return `#${from.map((value, i) => Math.round(value + (at - low) * (to[i] - value)).toString(16).padStart(2, "0")).join("")}`;
 }
 
 // A plane in `host`. `given`: title; x and y, each with label, unit and digits. Its curves come by `set`.

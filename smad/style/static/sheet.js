@@ -174,11 +174,7 @@ function fontObjects(first) {
 
 // The bytes of a PDF of one page.
 export function pdfOf({ width, height, items }) {
-  const rgb = (colour) => {
-    const parts = /^#(..)(..)(..)$/.exec(colour);
-    const values = parts ? parts.slice(1).map((hex) => parseInt(hex, 16)) : (colour.match(/[\d.]+/g) ?? [0, 0, 0]).slice(0, 3).map(Number);
-    return values.map((value) => round(value / 255)).join(" ");
-  };
+  const rgb = (colour) => [1, 3, 5].map((at) => round(parseInt(colour.slice(at, at + 2), 16) / 255)).join(" ");
   const ops = items.map((item) => {
     if (item.kind === "text") {
       const back = { left: 0, right: widthOf(item.words), centre: widthOf(item.words) / 2 }[item.align];

@@ -204,12 +204,13 @@ class Log:
         parts = [part.between(from_s, to_s) for part in inside]
         envelopes = joined(parts) if parts else of_rows(np.empty(0), _no_rows())
         marks = [m for p in self._parts for m in p.marks if from_s <= m.x <= to_s]
+        last_s = float(max((p.last_s for p in self._parts), default=-np.inf))
         return Read(
-            frame=frame_of(envelopes, (to_s - from_s) / MOST_BUCKETS, channels),
+            frame=frame_of(envelopes, (to_s - from_s) / MOST_BUCKETS, channels, last_s),
             moments=moments_of(envelopes, xy) if xy else None,
             marks=tuple(marks[-MOST_MARKS:]),
             first_s=float(min((p.first_s for p in self._parts), default=np.inf)),
-            last_s=float(max((p.last_s for p in self._parts), default=-np.inf)),
+            last_s=last_s,
         )
 
     def _find_parts(self) -> None:
@@ -221,14 +222,19 @@ class Log:
             self._parts.append(Follower(path, self._axis))
 
 
-def frame_of(envelopes: Envelopes, width_s: float, channels: Sequence[str]) -> Frame:
-    """Return the curves of some channels: every row, or the extremes of stretches of a width."""
+def frame_of(envelopes: Envelopes, width_s: float, channels: Sequence[str], last_s: float) -> Frame:
+    """Return the curves of some channels: every row, or the extremes of stretches of a width.
+
+    `last_s` is when the log ends.
+    """
     if envelopes.t.size > 2 * MOST_BUCKETS:
         envelopes = envelopes.folded(width_s)
-    single = envelopes.low is envelopes.high
+    single = np.array_equal(envelopes.low, envelopes.high, equal_nan=True)
     t = envelopes.t if single else np.repeat(envelopes.t, 2)
-    if not single and t.size:
-        t[1::2] += width_s / 2
+    if not single:
+        # Of a log that has but a part of the span, stretches are shorter than their width there.
+        t[1::2] += np.fmin(np.diff(envelopes.t, append=np.inf), width_s) / 2
+        t = np.fmin(t, last_s)
     breaks = np.flatnonzero(np.diff(t) > max(GAP_S, 3 * width_s)) + 1
     times = np.insert(t, breaks, t[breaks] - 1e-3)
     y: list[Curve] = []

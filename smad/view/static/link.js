@@ -20,7 +20,7 @@ function keyOf() {
 }
 
 export class Link {
-  // `on` has a function for each type of message, and `lost(why)`.
+  // `on` has a function for each type of message, `lost(why)`, and `late(why)` while something may still get through.
   constructor(on) {
     this.on = on;
     this.generation = null; // the stops that this page has shown
@@ -80,7 +80,7 @@ export class Link {
     if (!socket || msSince(this.heard) < PATIENCE_MS) return;
     const why = "smad view has not said anything for five seconds.";
     if (msSince(this.heard) < GIVEN_UP_MS) {
-      this.on.lost(why);
+      this.on.late(why);
       return;
     }
     // Whatever lies between may never say that it is gone: a network that was left, a computer that slept.

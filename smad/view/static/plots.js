@@ -61,8 +61,15 @@ export class Plots {
 
   arranged() {
     $("tail").value = this.layout.tail_s;
+    const { activeElement } = document;
+    const place = [...$("xys").children].indexOf(activeElement.closest(".xy"));
     this.strips.build();
     this.xys.build();
+    // Plots are made anew: whoever goes by keyboard stays where they were.
+    const again = activeElement.isConnected ? activeElement
+      : $("xys").children[place]?.querySelector(`[aria-label="${activeElement.ariaLabel}"]`)
+        ?? document.querySelector(".editor[open] > summary");
+    again?.focus();
     this.show();
   }
 
@@ -151,6 +158,7 @@ export class Plots {
     scroll.min = Math.min(view.firstS ?? from, from);
     scroll.max = data.newest ?? to;
     if (document.activeElement !== scroll || view.live) scroll.value = to;
+    scroll.ariaValueText = view.live ? "now" : `${day(to)}${at(to)}`;
     setText($("span"), view.live ? lasting(view.spanS)
       : `Paused: ${day(from)}${at(from)} to ${at(to)}, ${lasting(view.spanS)}${data.past ? `, from ${data.past.source}` : ""}`);
   }

@@ -1,6 +1,6 @@
 // The queue: a table, a form to add, and arming in two steps. All of it is asked of the server.
 
-import { button } from "./plot.js";
+import { button, day, time } from "./plot.js";
 import { element, setText } from "./style/plots.js";
 
 const $ = (id) => document.getElementById(id);
@@ -33,6 +33,8 @@ export class Queue {
 
   end() {
     clearInterval(this.timer);
+    clearTimeout(this.ending);
+    if (this.command) $("queue-confirm").hidden = true;
   }
 
   async change(change) {
@@ -44,24 +46,29 @@ export class Queue {
 
   // The second step is a button that names what it will run, and goes after two minutes.
   async propose(hours) {
+    const confirm = $("queue-confirm");
+    confirm.hidden = true;
+    clearTimeout(this.ending);
     const reply = await this.change({ verb: "propose", hours });
     if (!reply.done) return;
-    const confirm = $("queue-confirm");
     setText(confirm, `Arm now: ${reply.text}`);
     confirm.hidden = false;
     confirm.onclick = () => {
       confirm.hidden = true;
       this.change({ verb: "confirm", code: reply.found });
     };
-    setTimeout(() => (confirm.hidden = true), CONFIRM_MS);
+    this.ending = setTimeout(() => (confirm.hidden = true), CONFIRM_MS);
   }
 
   async show() {
-    if (!$("queue").open) return;
+    // A server that is busy with another question gets no pile of these behind it.
+    if (!$("queue").open || this.asking) return;
+    this.asking = true;
     const reply = await this.ask({ do: "queue" });
+    this.asking = false;
     if (!reply.done) return setText($("queue-state"), reply.text);
     const queue = reply.found;
-    const until = queue.end_unix_s && new Date(queue.end_unix_s * 1000).toLocaleString();
+    const until = queue.end_unix_s && `${day(queue.end_unix_s)}${time(queue.end_unix_s)}`;
     setText($("queue-state"), (queue.mode === "running" ? `running until ${until}` : `paused: ${queue.reason}`)
       + (queue.runner ? "" : "; no runner is running: start one with smad queue run"));
     const text = JSON.stringify(queue.lines);

@@ -8,14 +8,19 @@ import { element, setText } from "./style/plots.js";
 const $ = (id) => document.getElementById(id);
 const PREVIEW_MS = 250;
 const SHORTEST_S = 8; // as smad.diagnosis.plant.Traits has it
+const MOST_COMPARED = 6; // as smad.view.jobs.PageOfRun has it
 
 // Ask for a drawing of what a form says, a moment after its last change.
 export function previewed(form, host, ask, read, channel, limit) {
-  let waiting = 0;
+  let [waiting, latest] = [0, 0];
   const draw = async () => {
+    latest += 1;
+    const mine = latest;
+    // Of a form that is not filled in there is nothing to draw, and an earlier drawing is no longer of it.
+    if (!form.checkValidity()) return drawPreviews(host, [], channel, limit());
     const reply = await ask(read());
     const failed = [{ title: "", words: reply.text, refused: true, t_s: [], mm: [] }];
-    if (host.isConnected) drawPreviews(host, reply.done ? reply.found : failed, channel, limit());
+    if (mine === latest && host.isConnected) drawPreviews(host, reply.done ? reply.found : failed, channel, limit());
   };
   const soon = () => {
     clearTimeout(waiting);
@@ -93,8 +98,9 @@ export class Runs {
   }
 
   tick() {
-    $("compare").disabled = this.ticked.size < 2;
-    setText($("compare"), `Compare ${this.ticked.size > 1 ? `${this.ticked.size} runs` : "ticked runs"}`);
+    const { size } = this.ticked;
+    $("compare").disabled = size < 2 || size > MOST_COMPARED;
+    setText($("compare"), size > MOST_COMPARED ? `Compare ${MOST_COMPARED} runs at most` : `Compare ${size > 1 ? `${size} runs` : "ticked runs"}`);
   }
 
   async results(run, below, cell) {
@@ -114,6 +120,8 @@ export class Runs {
     $("job").dataset.state = job.running ? "running" : job.failed ? "failed" : "done";
     $("job-bar").hidden = $("job-end").hidden = !job.running;
     const last = job.lines[job.lines.length - 1] ?? "";
+    // A reader is told of the end, and not of every second before it.
+    $("job-now").ariaLive = job.running ? "off" : "polite";
     setText($("job-now"), job.running ? `${job.took_s.toFixed(0)} s${last && `: ${last}`}`
       : `${job.failed || "done"}, ${job.took_s.toFixed(0)} s`);
     setText($("job-lines"), job.lines.join("\n"));

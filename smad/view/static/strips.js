@@ -10,6 +10,7 @@ const HEIGHT = 150;
 const NEAR = 0.1; // of a limit
 const PENS = 6; // colours for runs, which serve where two curves of a strip have one pen
 const MOST_UNITS = 2;
+const DRAGGED = "application/x-smad-strip";
 const UNITS_S = [["h", 3600], ["min", 60], ["s", 1]];
 
 export class Strips {
@@ -141,13 +142,14 @@ class Strip {
     }, { passive: false });
     this.plot.over.addEventListener("dblclick", () => view.follow());
     this.heading.addEventListener("dragstart", (event) => {
-      event.dataTransfer.setData("text/plain", String(this.at));
+      event.dataTransfer.setData(DRAGGED, String(this.at));
     });
     this.box.addEventListener("dragover", (event) => event.preventDefault());
     this.box.addEventListener("drop", (event) => {
       event.preventDefault();
-      const from = Number(event.dataTransfer.getData("text/plain"));
-      if (Number.isInteger(from)) this.all.layout.move("strips", from, this.at);
+      const from = event.dataTransfer.getData(DRAGGED);
+      // Another thing that is dropped here, such as a file, is no strip.
+      if (from) this.all.layout.move("strips", Number(from), this.at);
     });
   }
 

@@ -4,7 +4,7 @@
 import { build, buildLive } from "./forms.js";
 import { Link, moment, msSince } from "./link.js";
 import { element, setText } from "./style/plots.js";
-import { time } from "./plot.js";
+import { day, time } from "./plot.js";
 import { Plots } from "./plots.js";
 import { Queue } from "./queue.js";
 import { Runs, previewed } from "./runs.js";
@@ -35,6 +35,7 @@ const link = new Link({
   marks: ({ marks }) => plots.marks(marks),
   job: ({ job }) => runs?.job(job),
   status: take,
+  late: (why) => become("late", "No word from smad view", `${why} STOP may not reach the bench: press it, and use smad disarm or the switch of the bench as well.`),
   lost: (why) => become("lost", "Connection lost", `${why} STOP does not reach the bench from here: use smad disarm, or its switch.`),
 });
 
@@ -91,7 +92,7 @@ function take(message) {
   if (message.away) {
     become("away", "The daemon does not answer", `${message.away}. What stands here is old. STOP may not reach the bench: press it, and use the switch of the bench as well.`, message.silent_s);
   } else if (message.silent_s > 0) {
-    become("silent", "No samples come", `Link: ${status.link}. STOP still works; the values shown are ${message.silent_s.toFixed(0)} s old.`, message.silent_s);
+    become("silent", "No samples come", `Link: ${status.link}. STOP still works; the age of each value stands beside it.`, message.silent_s);
   } else {
     become("live");
   }
@@ -128,11 +129,12 @@ function show(now, anyArmed) {
 }
 
 function tellEvents(events) {
-  const text = JSON.stringify(events);
+  const rows = events.map((event) => [`${day(event.time_s)}${time(event.time_s)}`, ` ${event.text}`]).reverse();
+  const text = JSON.stringify(rows);
   if (text === eventsShown) return;
   eventsShown = text;
-  $("events").replaceChildren(...[...events].reverse().map((event) => element("li", {},
-    element("time", { textContent: time(event.time_s) }), ` ${event.text}`)));
+  $("events").replaceChildren(...rows.map(([when, what]) =>
+    element("li", {}, element("time", { textContent: when }), what)));
 }
 
 function mode(name) {
@@ -258,6 +260,10 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
   $("pause").click();
 });
+// The second click of a double click must not queue, mark or begin a thing again.
+document.addEventListener("click", (event) => {
+  if (event.detail > 1 && event.target.closest("form button")) event.preventDefault();
+}, true);
 submitted("tune", () => {});
 submitted("record", () =>
   ask(status?.recorder.recording ? { do: "end_record" } : { do: "record", name: $("record-name").value }));

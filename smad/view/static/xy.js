@@ -182,7 +182,7 @@ class Xy {
     const { t, cycle, x, y } = this.points;
     const at = this.at ?? t.length - 1;
     const [right, up] = this.channels;
-    setText(this.values, at < 0 ? "no samples yet"
+    setText(this.values, at < 0 ? "no samples here"
       : `${shown(y[at], up.digits)} ${up.unit} at ${shown(x[at], right.digits)} ${right.unit}, ${time(t[at])}`);
     const numbers = [...new Set(cycle)].slice(-NAMED);
     const colourOf = coloursOf(cycle);

@@ -101,6 +101,16 @@ def test_what_happened_after_a_restart_of_the_board_is_marked_there(tmp_path: Pa
     assert [mark.x for mark in marks] == pytest.approx([0.1, 0.4])
 
 
+def test_a_note_after_a_restart_of_the_board_is_marked_where_it_was_made(tmp_path: Path) -> None:
+    before, after = list(rows(100, 500)), list(rows(100))
+    after = [replace(row, host_time_s=row.host_time_s + 6.0) for row in after]
+    noted = Event(t_s=0.5, host_time_s=after[50].host_time_s, kind="note", text="cold again")
+    write_run(tmp_path / "run.mcap", HEADER, [*before, *after, noted])
+    (drawn,) = run_parts([read_run(tmp_path / "run.mcap")])
+    (mark,) = panels_of([drawn]).marks
+    assert mark.x == pytest.approx(drawn.x[150])
+
+
 def two_runs(folder: Path) -> tuple[Path, Path]:
     bench = replace(HEADER, source="bench")
     write_run(folder / "real.mcap", bench, rows(100))

@@ -20,6 +20,7 @@ from smad.report.planes import MOST_POINTS, QUANTITIES, Curve, Plane, cycles_of,
 from smad.report.plots import draw, new_figure, picture
 from smad.runlog.cycles import TURN_MM, Cycles
 from smad.style.palette import in_print
+from smad.view.access import REPORT_HEADERS
 
 MISSING = what_is_missing()
 
@@ -181,7 +182,10 @@ def test_panels_planes_and_pictures_are_saved_as_files_for_print(tmp_path: Path)
     draw(axes, [0.0, 1.0], [0.0, 1.0], "a line", "x")
     page, saved = tmp_path / "page.html", tmp_path / "saved"
     blocks = [a_known_loop(), picture(figure, "A picture")]
-    page.write_text(render(Page("t", [Section("s", blocks)])))
+    # The live page hands a report out under this policy, of which a file can hold a part.
+    policy = REPORT_HEADERS["Content-Security-Policy"].partition("; frame-ancestors")[0]
+    head = f'<head><meta http-equiv="Content-Security-Policy" content="{policy}">'
+    page.write_text(render(Page("t", [Section("s", blocks)])).replace("<head>", head, 1))
     files: dict[str, bytes] = {}
     with browser(tmp_path / "profile") as driver:
         driver.get(f"file://{page}")
@@ -209,6 +213,9 @@ def test_panels_planes_and_pictures_are_saved_as_files_for_print(tmp_path: Path)
     assert "Displacement (mm)" in strips
     assert strips.count("<polyline") > 4
     assert in_print("main") in strips
+    # Each colour as every program writes it, also that of a cycle.
+    strokes = re.findall('stroke="([^"]+)"', files[".plane svg"].decode())
+    assert all(re.fullmatch("#[0-9a-f]{6}", stroke) for stroke in strokes)
     pdf = files[".tools pdf"]
     place = int(pdf.rsplit(b"startxref\n", 1)[1].split()[0])
     assert pdf[place:].startswith(b"xref")

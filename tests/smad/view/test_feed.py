@@ -54,10 +54,13 @@ def test_the_extremes_of_a_bucket_are_drawn_in_the_order_in_which_they_came() ->
     assert frame.t == sorted(frame.t)
 
 
-def test_frames_laid_over_one_another_give_what_one_whole_frame_gives() -> None:
+@pytest.mark.parametrize(("window", "pause_s"), [(0, 5.0), (2, 2.0)])
+def test_frames_laid_over_one_another_give_what_one_whole_frame_gives(
+    window: int, pause_s: float
+) -> None:
     draw = random.Random(3)
     feed = Feed(2)
-    cursor = Cursor(feed, View(channels=(0, 1)))
+    cursor = Cursor(feed, View(window=window, channels=(0, 1)))
     t: list[float] = []
     y: list[list[float | None]] = [[], []]
     now_s = EPOCH_S
@@ -66,7 +69,7 @@ def test_frames_laid_over_one_another_give_what_one_whole_frame_gives() -> None:
             now_s += 0.002
             feed.add(now_s, (draw.random(), None if draw.random() < 0.3 else draw.random()))
         if draw.random() < 0.02:
-            now_s += 5.0
+            now_s += pause_s
         taken = cursor.take()
         if taken is None:
             continue
@@ -74,7 +77,7 @@ def test_frames_laid_over_one_another_give_what_one_whole_frame_gives() -> None:
         keep = 0 if whole else sum(1 for time in t if time < frame.from_s)
         t = t[:keep] + frame.t
         y = [curve[:keep] + new for curve, new in zip(y, frame.y, strict=True)]
-    frame = whole_of(feed, channels=(0, 1))
+    frame = whole_of(feed, window, channels=(0, 1))
     shown = len(frame.t)
     assert t[-shown:] == frame.t
     assert [curve[-shown:] for curve in y] == frame.y

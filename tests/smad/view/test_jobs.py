@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+from msgspec import ValidationError, convert
 
 import smad.view
 from smad.diagnosis.plant import Traits
@@ -66,8 +67,20 @@ def test_a_job_with_a_nul_in_its_words_is_shown_as_one_that_cannot_be_begun(
     assert asyncio.run(told()) == "it cannot be started: embedded null byte"
 
 
-def test_the_page_offers_a_diagnosis_of_runs_that_are_long_enough_for_one() -> None:
+def in_the_page(name: str) -> int:
+    """A number of the page's script."""
     script = Path(smad.view.__file__).with_name("static") / "runs.js"
-    found = re.search(r"SHORTEST_S = (\d+);", script.read_text())
+    found = re.search(rf"{name} = (\d+);", script.read_text())
     assert found is not None
-    assert float(found[1]) == Traits().shortest_s
+    return int(found[1])
+
+
+def test_the_page_offers_a_diagnosis_of_runs_that_are_long_enough_for_one() -> None:
+    assert in_the_page("SHORTEST_S") == Traits().shortest_s
+
+
+def test_the_page_offers_to_compare_as_many_runs_as_a_job_takes() -> None:
+    job = {"kind": "page", "runs": ["a.mcap"] * in_the_page("MOST_COMPARED")}
+    convert(job, PageOfRun)
+    with pytest.raises(ValidationError):
+        convert({**job, "runs": [*job["runs"], "b.mcap"]}, PageOfRun)

@@ -383,6 +383,13 @@ async def test_nonsense_is_refused_and_the_page_goes_on(rig: Rig, text: str) -> 
     assert rig.client.asked == ["move"]
 
 
+async def test_who_asks_what_is_not_understood_gets_the_answer(rig: Rig) -> None:
+    runs = [f"{n}.mcap" for n in range(7)]
+    rig.browser.say({"do": "begin", "id": 4, "job": {"kind": "page", "runs": runs}})
+    await rig.settle()
+    assert "length <= 6" in rig.browser.replies()[4][1]
+
+
 async def test_a_browser_that_draws_nothing_gets_no_more_and_then_the_newest(rig: Rig) -> None:
     rig.axis.now = ONES
     rig.browser.say(SHOW)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from smad.diagnosis import Answer, diagnose
-from smad.diagnosis.report.figures import Course
+from smad.diagnosis.report.figures import Course, largest_gap
 from smad.diagnosis.report.page import page_of
 from smad.diagnosis.report.words import advice, lines, verified_lines, verified_records
 from smad.diagnosis.rivals.describe import alike
@@ -389,6 +389,24 @@ def test_a_page_opens_with_headline_rivals_and_one_figure(
     assert all(r.name in html for r in v.runs)
     assert not re.search(r"\bnan\b", html)
     assert v.to_json() == before
+
+
+def test_a_signal_without_a_unit_has_none_on_its_axis() -> None:
+    one = np.ones((4, 1))
+    course = Course(
+        run="a",
+        t_s=np.arange(4.0),
+        measured=one,
+        before=0.0 * one,
+        after=None,
+        floors=one,
+        order=(0,),
+        labels=("valve, share open",),
+        units=("1",),
+        paired=False,
+        has_drifts=False,
+    )
+    assert ">measured − simulated<" in largest_gap(course).svg
 
 
 def test_the_figure_is_of_the_signal_with_the_largest_gap_and_what_is_told_brings_it_nearer(
