@@ -96,6 +96,7 @@ def test_whatever_the_holder_says_renews_its_lease_and_what_others_say_does_not(
     lease.heard(secret, 4 * SECOND)
     lease.heard("guess", 5 * SECOND)
     assert lease.holder(8 * SECOND) is not None
+    assert lease.holder(9 * SECOND) is None
     assert lease.take(secret, "Ada", 5 * SECOND, 8 * SECOND).secret == secret
     assert lease.holder(13 * SECOND) is None
 

@@ -176,9 +176,41 @@ async def test_a_board_found_armed_long_after_its_last_stop_is_told_to_disarm(
                 await rig.sample()
         # The board's clock wraps every 71.6 min, and what is half of that away looks earlier.
         t_us = (samples[-1].t_us + minutes * 60_000_000) % 2**32
+        generation = rig.daemon.stops.generation
         stop.on_sample(msgspec.structs.replace(samples[-1], t_us=t_us, mode=BoardState.ARMED))
         await rig.run(1)
         assert any("found armed by somebody else" in line for line in rig.heard)
+        assert rig.daemon.stops.generation == generation + 1
+
+
+async def test_while_the_reply_to_a_stop_waits_arming_is_refused_as_stopped(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.connected()
+        with rig.daemon.stops.reply_open(), pytest.raises(Refused) as refused:
+            await rig.ask("arm")
+        assert refused.value.reason == "stopped"
+        await rig.ask("arm")
+
+
+async def test_a_board_that_may_still_take_a_late_confirmation_is_not_known_to_be_off(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.connected()
+        stop, machine = rig.axis.stop, rig.daemon.stops.arming
+        rig.daemon.stops.begin_arming([stop], machine.generation)
+        machine.ask()
+        machine.granted(stop.label)
+        stop.arming()
+        machine.confirm()
+        # On its way when the line goes, ARM_CONFIRM is good for two seconds.
+        rig.pull_the_plug()
+        await rig.run_for(1.5)
+        stop.tick()
+        assert not stop.off
+        await rig.run_for(1.5)
+        stop.tick()
+        assert stop.off
 
 
 async def test_a_disarm_overtakes_what_others_ask_of_the_board(tmp_path: Path) -> None:
