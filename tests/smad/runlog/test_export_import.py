@@ -19,7 +19,7 @@ from smad.records.units import convert
 from smad.runlog.export import WRITERS, export_run
 from smad.runlog.formats import FORMATS
 from smad.runlog.reader import Run, read_run
-from smad.runlog.schema import CHANNELS, LEGENDS, Event
+from smad.runlog.schema import CHANNELS, LEGENDS, MISSING_INTEGER, Event
 from smad.units import units_for
 
 from .helpers import HEADER, write_small_run
@@ -69,11 +69,14 @@ def test_a_csv_comes_back_as_the_run_it_was_made_from(tmp_path: Path, run: Run) 
 def test_a_csv_has_plain_names_and_empty_cells_for_what_was_not_measured(
     tmp_path: Path, run: Run
 ) -> None:
-    export_run(run, tmp_path / "out.csv")
+    faults = run.columns["faults"].copy()
+    faults[0] = MISSING_INTEGER
+    export_run(replace(run, columns={**run.columns, "faults": faults}), tmp_path / "out.csv")
     names, first = (tmp_path / "out.csv").read_text().splitlines()[:2]
     assert names.split(",")[:3] == ["t_s", "host_time_s", "tick"]
     assert "stage_mm" not in names
-    assert first.split(",")[names.split(",").index("displacement_mm")] == ""
+    cells = dict(zip(names.split(","), first.split(","), strict=True))
+    assert (cells["displacement_mm"], cells["faults"], cells["mode"]) == ("", "", "2")
 
 
 def test_what_numbers_stand_for_goes_with_them(tmp_path: Path, run: Run) -> None:
