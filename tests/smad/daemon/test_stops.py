@@ -278,6 +278,22 @@ async def test_a_stop_that_the_board_does_not_carry_out_says_so_and_is_asked_for
         assert (await rig.ask("disarm"))["armed"] is False
 
 
+async def test_a_board_that_does_not_confirm_gets_no_setpoints_although_ticks_are_late(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        monkeypatch.setattr(rig.axis.stop, "tick", lambda: None)
+        monkeypatch.setitem(rig.bench.board.commands._actions, DisarmRequested, lambda *_: None)
+        stopping = rig.begin("disarm")
+        await rig.run_for(0.3)
+        sent = rig.axis.control.counts.setpoints
+        await rig.run_for(0.5)
+        assert rig.axis.control.counts.setpoints == sent
+        assert rig.bench.board.state is not BoardState.ARMED
+        assert result_of(await rig.run_until(stopping))["armed"] is False
+
+
 async def test_a_stop_that_the_board_cannot_hear_ends_with_the_boards_own(tmp_path: Path) -> None:
     deaf = injection("lost_way", 3.0, way=0, lasts=1.3)
     async with rig_in(tmp_path, SimulatedBench(seed=1, faults=[deaf])) as rig:
