@@ -14,13 +14,14 @@ import zmq.asyncio
 from campaign.virtual import Refused, result_of
 from firmware_protocol.enums import BoardState
 from firmware_protocol.events import DisarmRequested
-from firmware_protocol.messages import State
+from firmware_protocol.messages import Done, State
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad import api
 from smad.client.endpoints import Endpoints
 from smad.client.wire import connect
 from smad.config import LimitsConfig
+from smad.daemon.arming import Phase
 from smad.daemon.command.lease import Caller
 from smad.daemon.sockets.listener import bytes_unread
 from tests.smad.daemon.rig import Rig, rig_in
@@ -291,6 +292,24 @@ async def test_a_board_that_does_not_confirm_gets_no_setpoints_although_ticks_ar
         await rig.run_for(0.5)
         assert rig.axis.control.counts.setpoints == sent
         assert rig.bench.board.state is not BoardState.ARMED
+        assert result_of(await rig.run_until(stopping))["armed"] is False
+
+
+async def test_the_answer_to_a_stop_before_an_arming_says_nothing_of_the_stop_after_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        answer = asyncio.get_running_loop().create_future()
+        stop = rig.axis.stop
+        with monkeypatch.context() as late:
+            late.setattr(stop._requests, "ask", lambda _: answer)
+            stopping = rig.begin("disarm")
+            await asyncio.sleep(0)
+        stop.arming()
+        answer.set_result(Done(0, 0))
+        await asyncio.sleep(0)
+        assert stop.phase is Phase.STOPPING
         assert result_of(await rig.run_until(stopping))["armed"] is False
 
 
