@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from firmware_protocol.enums import BoardState, Fault
+from firmware_protocol.enums import BoardState, Fault, ValidBit
 from firmware_protocol.events import HostState, Incompatible
 from sim_device.bench import SimulatedBench
 from sim_device.errors import FaultSpecError
@@ -209,6 +209,16 @@ def test_a_mended_fault_ends() -> None:
     assert readings[50] < 3000
     assert readings[150] == 32767
     assert readings[250] < 3000
+
+
+@pytest.mark.parametrize(
+    ("name", "bit"),
+    [("encoder_lost", ValidBit.ENCODER), ("force_saturated", ValidBit.FORCE)],
+)
+def test_a_reading_that_is_lost_is_told_as_invalid(name: str, bit: ValidBit) -> None:
+    bench = SimulatedBench(faults=[injection(name, 1.0)])
+    valid = [bench.step_typed(None).valid & bit for _ in range(150)]
+    assert (valid[50], valid[149]) == (bit, 0)
 
 
 def test_the_port_goes_away_and_comes_back() -> None:

@@ -607,6 +607,20 @@ def test_a_lease_is_renewed_while_its_program_computes(daemon: FakeDaemon, tmp_p
         assert renewed.wait(60.0)
 
 
+def test_a_lease_lapses_with_the_thread_that_armed(daemon: FakeDaemon, tmp_path: Path) -> None:
+    with contextlib.ExitStack() as stack:
+        program = threading.Thread(
+            target=lambda: stack.enter_context(_leasing(daemon, tmp_path)).arm()
+        )
+        program.start()
+        program.join()
+        assert [request["method"] for request in daemon.asked][:2] == ["control.take", "arm"]
+        for renewing in threading.enumerate():
+            if renewing.name == "smad lease":
+                renewing.join(30.0)
+                assert not renewing.is_alive()
+
+
 def _after_control(daemon: FakeDaemon) -> list[str]:
     """Methods of requests, but for renewals; those that still had the lease are marked."""
     return [

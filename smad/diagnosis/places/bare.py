@@ -192,7 +192,8 @@ class BarePlaces:
     def _states(self, run: GapRun, replay: Mapping[str, Array]) -> dict[str, Array]:
         """Inputs, channels, their rates by central differences, and time.
 
-        Rates are not taken across the seams of a plant that is replayed in windows.
+        Rates are not taken across the seams of a plant that is replayed in windows. What has become
+        infinite has none.
         """
         out = {s.name: np.asarray(run.inputs[s.name], float) for s in self.plain.inputs}
         seams = self.plain.seams(run) if isinstance(self.plain, InWindows) else [0]
@@ -200,9 +201,10 @@ class BarePlaces:
         for c in self.plain.channels:
             out[c.name] = replay[c.name]
             rate = np.zeros(len(run.t_s))
+            course = np.where(np.isfinite(replay[c.name]), replay[c.name], np.nan)
             for a, b in pairwise(edges):
                 if b - a > 1:
-                    rate[a:b] = np.gradient(replay[c.name][a:b], run.t_s[a:b])
+                    rate[a:b] = np.gradient(course[a:b], run.t_s[a:b])
             out[f"{c.name}_rate"] = rate
         return out | {"time": run.t_s - run.t_s[0]}
 

@@ -60,7 +60,7 @@ CASES = [
     ("leak", put("leak", 1), Fault.LEAK, 4, 0.06, 0.06),
     ("supply low", put("vbus_mV", 7499), Fault.BROWN_OUT, 4, 0.02, 0.02),
     ("parameters damaged", put("parameters_ok", 0), Fault.PARAM_CRC, 4, 0.01, 0.01),
-    ("FET shorted", put("i_mA", 10_000, 0), Fault.OVER_CURRENT, 0, 0.02, 0.02),
+    ("FET shorted", put("i_mA", 4601, 0), Fault.OVER_CURRENT, 0, 0.02, 0.02),
     ("current on its own", put("i_mA", 700, 1), Fault.UNCOMMANDED_CURRENT, 1, 0.03, 0.06),
     ("too much current", put("i_mA", 4550, 0), Fault.CURRENT_HIGH, 0, 0.06, 0.2),
     ("too little current", put("i_mA", 3000, 0), Fault.CURRENT_LOW, 0, 0.06, 0.2),
@@ -83,6 +83,29 @@ def test_a_broken_part_is_named_in_time(
     assert (found, where) == (fault, Channel(channel))
     assert least_s - 1e-6 <= took <= most_s + 1e-6
     assert not rig.memory.gate
+
+
+AT_A_LIMIT = [
+    ("sensor below its rail", put("rtd_cC", 19_999, 2), Fault.SENSOR_OPEN),
+    ("sensor above its rail", put("rtd_cC", -3999, 3), Fault.SENSOR_SHORT),
+    ("hot", put("rtd_cC", 9500, 0), Fault.OVER_TEMPERATURE),
+    ("supply", put("vbus_mV", 7500), Fault.BROWN_OUT),
+    ("current", put("i_mA", 4600, 0), Fault.OVER_CURRENT),
+    ("as cold as its surroundings allow", put("rtd_cC", 2180, 1), Fault.SENSOR_IMPLAUSIBLE),
+]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "fault"), [c[1:] for c in AT_A_LIMIT], ids=[c[0] for c in AT_A_LIMIT]
+)
+def test_a_reading_at_its_limit_is_not_beyond_it(
+    spoil: Callable[[Measurements], None], fault: Fault
+) -> None:
+    rig = Rig().heat(seconds=1.5)
+    # One leap to the limit is no fault; others may find what stays there after a while.
+    rig.spoil = spoil
+    rig.step(10)
+    assert not rig.memory.faults >> (fault - 1) & 1
 
 
 NEAR = [
@@ -303,6 +326,13 @@ def test_sensors_that_changed_places_are_named() -> None:
     assert took < 3.0
 
 
+def test_a_spring_that_does_not_warm_beside_a_heated_one_has_not_changed_places_with_it() -> None:
+    rig = Rig()
+    rig.warms[0] = False
+    rig.heat(4000, 4000, seconds=0.0)
+    assert trips(rig, 60.0)[0] is Fault.NOT_HEATING
+
+
 def test_a_spring_that_goes_on_warming_after_it_was_switched_off_is_a_fault() -> None:
     rig = Rig().heat(seconds=2.0)
     rig.setpoint_mA = (0, 0)
@@ -449,6 +479,21 @@ def test_the_current_folds_back_before_the_temperature_trips() -> None:
     assert rig.memory.warnings >> 2 & 1
 
 
+def test_the_current_folds_back_by_the_energy_where_a_sensor_does_not_follow() -> None:
+    rig = Rig().arm()
+    rig.setpoint_mA = (4000, 0)
+    # These would be there first.
+    rig.supervisor.limits.unheated_energy_mJ = rig.supervisor.limits.residual_cC = 10**9
+
+    def stay_cold(m: Measurements) -> None:
+        m.rtd_cC[0] = 2700 + rig.now_us // 10_000 % 2
+
+    rig.spoil = stay_cold
+    stays(rig, 60.0)
+    assert rig.memory.applied_mA[0] < 3500
+    assert rig.supervisor.limiter is Limiter.TEMPERATURE
+
+
 def test_an_end_of_the_fold_back_below_its_start_ends_the_current_there() -> None:
     rig = Rig(tighten(compiled_limits(), {"fold_end_cC": 5000})).arm()
     rig.setpoint_mA = (4000, 0)
@@ -531,9 +576,8 @@ def test_a_row_has_as_many_lines_as_channels() -> None:
     assert len(LINES) == sum(len(check.channels) for check in CHECKS)
 
 
-@pytest.mark.parametrize("check", [c for c in CHECKS if c.states == ALWAYS], ids=lambda c: c.fault)
-def test_a_check_that_is_always_on_is_on_in_every_state_that_measures(check: object) -> None:
-    assert check.states == set(BoardState) - {BoardState.BOOT, BoardState.ESTOP}  # type: ignore[attr-defined]
+def test_a_check_that_is_always_on_is_on_in_every_state_that_measures() -> None:
+    assert set(BoardState) - {BoardState.BOOT, BoardState.ESTOP} == ALWAYS
 
 
 def test_hold_is_watched_like_armed_and_no_channel_is_left_out() -> None:

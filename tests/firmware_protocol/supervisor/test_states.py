@@ -375,15 +375,19 @@ def test_a_setpoint_above_the_maximum_is_cut_and_the_limiter_says_so() -> None:
 # COOL, FAULT, ESTOP
 
 
-def test_disarming_cools_with_the_pumps_on_until_cold() -> None:
-    rig = Rig().heat(seconds=8.0)
-    assert rig.m.rtd_cC[0] > 5000
+SPRINGS = pytest.mark.parametrize("k", [0, 1], ids=["X", "Y"])
+
+
+@SPRINGS
+def test_disarming_cools_with_the_pumps_on_until_cold(k: int) -> None:
+    rig = heated(k)
+    assert rig.m.rtd_cC[k] > 5000
     assert rig.event(Disarmed()).accepted
     assert rig.state is BoardState.COOL
     assert not rig.memory.gate
     assert rig.memory.duty == [255, 255]
     assert rig.until(BoardState.SAFE) < 30.0
-    assert rig.m.rtd_cC[0] < 4500
+    assert 4400 < rig.m.rtd_cC[k] < 4500
     assert rig.memory.duty == [0, 0]
 
 
@@ -421,12 +425,17 @@ def test_disarming_takes_a_granted_token_back() -> None:
     assert rig.event(ArmConfirmed(GOOD_LINK, 5)).code is ErrorCode.TOKEN_WRONG
 
 
-def faulted() -> Rig:
-    """A rig in FAULT with an open sensor that has been mended, still hot."""
-    rig = Rig().heat(seconds=8.0)
+def heated(k: int) -> Rig:
+    """A rig with one hot spring."""
+    return Rig().heat(4000 * (1 - k), 4000 * k, seconds=8.0)
+
+
+def faulted(k: int = 0) -> Rig:
+    """A rig in FAULT with an open sensor, on a spring that is hot."""
+    rig = heated(k)
 
     def spoil(m: Measurements) -> None:
-        m.rtd_cC[0] = 32767
+        m.rtd_cC[k] = 32767
 
     rig.spoil = spoil
     rig.until(BoardState.FAULT)
@@ -479,12 +488,13 @@ def test_in_fault_the_pumps_run_while_current_flows_however_cold_and_however_lon
     assert rig.memory.duty == [0, 0]
 
 
-def test_a_fault_is_cleared_by_name_when_its_cause_is_gone_and_all_is_cold() -> None:
-    rig = faulted()
+@SPRINGS
+def test_a_fault_is_cleared_by_name_when_its_cause_is_gone_and_all_is_cold(k: int) -> None:
+    rig = faulted(k)
     assert rig.event(FaultCleared(Fault.LEAK)).code is ErrorCode.WRONG_FAULT
     remains = rig.event(FaultCleared(Fault.SENSOR_OPEN))
     assert remains.code is ErrorCode.CAUSE_REMAINS
-    assert "SENSOR_OPEN on SPRING_X" in remains.message
+    assert f"SENSOR_OPEN on {Channel(k).name}" in remains.message
     mend(rig)
     rig.step()
     hot = rig.event(FaultCleared(Fault.SENSOR_OPEN))

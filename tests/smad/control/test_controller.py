@@ -176,6 +176,14 @@ def test_a_stage_that_was_moved_in_an_earlier_arming_lifts_no_limit_of_displacem
     assert controller.limiting is HostLimit.DISPLACEMENT
 
 
+def test_a_stage_on_its_way_stops_with_the_arming() -> None:
+    controller = started(MoveStage(stage_mm=20.0, rate_mm_per_s=10.0))
+    (*_, before) = drive(controller, range(1, 51))
+    controller.step(sample(51, armed=False))
+    (*_, after) = drive(controller, range(52, 100))
+    assert after.stage_m == before.stage_m == pytest.approx(0.005)
+
+
 def test_leaving_armed_ends_the_mode_and_arming_again_moves_nothing() -> None:
     controller = started(STEP_UP)
     assert drive(controller, range(1, 5))[-1].i_A[0] > 0.0
@@ -324,6 +332,20 @@ def test_a_temperature_that_jumps_is_a_broken_sensor_until_the_next_arming() -> 
     assert drive(controller, range(62, 70))[-1].i_A == (1.0, 0.0)
 
 
+@pytest.mark.parametrize(
+    ("change_K", "breaks"), [(2.4, False), (3.1, True), (-9.9, False), (-12.1, True)]
+)
+def test_a_temperature_may_fall_four_times_as_fast_as_it_may_rise(
+    change_K: float, breaks: bool
+) -> None:
+    controller = started(DriveCurrent(i_x_A=1.0))
+    drive(controller, range(1, 20), rtd_degC=(60.0, 25.0, 27.0, 27.0))
+    drive(controller, range(20, 40), rtd_degC=(60.0 + change_K, 25.0, 27.0, 27.0))
+    assert (controller.limiting == HostLimit.SENSOR_X) is breaks
+    if controller.trip is not None:
+        assert controller.trip.measured / controller.trip.allowed > 1.0
+
+
 def test_the_on_time_of_one_arming_is_bounded() -> None:
     controller = Controller(ControlConfig(), LimitsConfig(on_time_max_s=1.0))
     controller.step(sample(0))
@@ -332,6 +354,10 @@ def test_the_on_time_of_one_arming_is_bounded() -> None:
     assert outputs[95].i_A == (1.0, 0.0)
     assert outputs[-1].i_A == (0.0, 0.0)
     assert controller.limiting == HostLimit.ON_TIME
+    controller.step(sample(150, armed=False))
+    controller.step(sample(151))
+    controller.command(DriveCurrent(i_x_A=1.0))
+    assert drive(controller, range(152, 248))[-1].i_A == (1.0, 0.0)
 
 
 def test_limits_count_all_of_a_silence_but_the_current_rises_for_a_tenth_of_a_second() -> None:

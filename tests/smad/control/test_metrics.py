@@ -5,7 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from smad.control.metrics import peak, r2_by_period, step_response, tracking_r2
+from smad.control.metrics import (
+    hold_quality,
+    peak,
+    r2_by_period,
+    step_response,
+    tracking_r2,
+)
 
 T_S = np.arange(0.0, 70.0, 0.01)
 SINE = 2.0 * np.sin(2.0 * np.pi * T_S / 7.0)
@@ -66,3 +72,14 @@ def test_a_step_without_height_is_refused() -> None:
 def test_the_peak_ignores_missing_values() -> None:
     assert peak([1.0, math.nan, 3.0]) == 3.0
     assert math.isnan(peak([math.nan]))
+
+
+def test_a_hold_is_judged_by_its_ripple_beside_a_slow_change_by_error_and_starts() -> None:
+    t_s = np.arange(0.0, 20.0, 0.01)
+    nothing = np.zeros_like(t_s)
+    current_A = 1.0 + 0.05 * t_s + 0.1 * np.sin(2.0 * np.pi * 5.0 * t_s)
+    duty_y = np.where(t_s % 8.0 > 6.0, 1.0, 0.0)
+    held = hold_quality(t_s, nothing - 0.2, (nothing, current_A), (nothing, duty_y))
+    assert held.ripple_A == pytest.approx(0.1 / math.sqrt(2.0), rel=0.02)
+    assert held.error_rms == pytest.approx(0.2)
+    assert held.pump_starts == (0, 2)

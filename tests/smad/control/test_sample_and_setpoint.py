@@ -34,9 +34,9 @@ def state(**changes: object) -> State:
         limiter=Limiter.NONE,
         faults=0,
         warnings=0,
-        i_meas_mA=(1998, 0),
-        i_applied_mA=(2000, 0),
-        v_mV=(1520, 0),
+        i_meas_mA=(1998, 12),
+        i_applied_mA=(2000, 15),
+        v_mV=(1520, 9),
         pump_duty=(0, 255),
         rtd_cC=(4512, 2690, 2685, 2685),
         encoder_counts=4100,
@@ -58,8 +58,9 @@ def test_a_state_becomes_si_with_scales_and_offsets() -> None:
     assert made.displacement_m == pytest.approx(0.002)
     assert made.force_N == pytest.approx(1.24)
     assert made.rtd_degC == pytest.approx((45.12, 26.90, 26.85, 26.85))
-    assert made.i_meas_A == pytest.approx((1.998, 0.0))
-    assert made.v_V == pytest.approx((1.52, 0.0))
+    assert made.i_meas_A == pytest.approx((1.998, 0.012))
+    assert made.i_applied_A == pytest.approx((2.0, 0.015))
+    assert made.v_V == pytest.approx((1.52, 0.009))
     assert made.pump_duty == (0.0, 1.0)
     assert made.supply_V == pytest.approx(12.0)
     assert (made.armed, made.tick) == (True, 7)

@@ -26,6 +26,10 @@ def test_the_rule_is_the_published_one_until_noise_forbids_it() -> None:
     assert gains_for(model, 0.02, 0.2) == Gains(10.0, 12.0)
 
 
+def test_at_twice_the_current_a_lag_has_twice_the_gain() -> None:
+    assert Lag(2.0, 0.8, 0.01, 2.0, 1.0).scaled_to(4.0) == Lag(4.0, 0.8, 0.01, 4.0, 1.0)
+
+
 def test_the_margins_are_those_of_an_integrator_with_delay() -> None:
     # A proportional loop on an integrator crosses over at kp·gain; the delay takes its phase.
     model = Lag(2.0, 1e6, 0.01, 2.5, 1.0)

@@ -1,4 +1,4 @@
-"""The daemon's small parts: lease, dead man, budget, histogram, rates, journal, notify."""
+"""The daemon's small parts: lease, dead man, budget, histogram, rates, journal, and so on."""
 
 import ast
 import asyncio
@@ -7,6 +7,8 @@ import random
 import signal
 import socket
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -16,10 +18,12 @@ from firmware_protocol.messages import NO_FIELD, Error
 from firmware_protocol.rates import USUAL_BAUDS, USUAL_RATES_HZ
 from smad import daemon
 from smad.config import Config, with_changes, without_realtime
+from smad.control.limits import HostLimit, Trip
 from smad.daemon.command.lease import DeadMan, Lease
 from smad.daemon.command.server import TimeBudget
 from smad.daemon.errors import Refusal
 from smad.daemon.histogram import Histogram
+from smad.daemon.hoststop import HostStop, fault_of_trip
 from smad.daemon.journal import Journal
 from smad.daemon.lifecycle import part_of, run
 from smad.daemon.link.port import SocketTransport
@@ -66,6 +70,25 @@ def test_ctrl_c_before_the_board_has_answered_is_no_death_of_a_part(tmp_path: Pa
     )
 
 
+@pytest.mark.parametrize(
+    ("rtd_degC", "name"),
+    [(200.0, "SENSOR_OPEN"), (80.0, "SENSOR_IMPLAUSIBLE"), (-40.0, "SENSOR_SHORT")],
+)
+def test_a_sensor_that_stops_the_host_is_named_by_what_it_read(rtd_degC: float, name: str) -> None:
+    fault = fault_of_trip(Trip(HostLimit.SENSOR_Y, 900.0, 50.0, rtd_degC))
+    assert (fault.name, fault.channel, fault.unit) == (name, "SPRING_Y", "K/s")
+
+
+def test_a_stop_of_the_host_stands_until_it_is_cleared_and_the_next_one_is_another() -> None:
+    controller: Any = SimpleNamespace(trip=None)
+    stop = HostStop(controller)
+    for _ in range(2):
+        controller.trip = Trip(HostLimit.ON_TIME, 2.1, 2.0)
+        assert stop.fault is not None
+        stop.clear()
+        assert stop.fault is None
+
+
 def _lease() -> Lease:
     return Lease(iter(["first", "second"]).__next__)
 
@@ -96,6 +119,7 @@ def test_whatever_the_holder_says_renews_its_lease_and_what_others_say_does_not(
     lease.heard(secret, 4 * SECOND)
     lease.heard("guess", 5 * SECOND)
     assert lease.holder(8 * SECOND) is not None
+    assert lease.holder(9 * SECOND) is None
     assert lease.take(secret, "Ada", 5 * SECOND, 8 * SECOND).secret == secret
     assert lease.holder(13 * SECOND) is None
 

@@ -14,13 +14,14 @@ import zmq.asyncio
 from campaign.virtual import Refused, result_of
 from firmware_protocol.enums import BoardState
 from firmware_protocol.events import DisarmRequested
-from firmware_protocol.messages import State
+from firmware_protocol.messages import Done, State
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad import api
 from smad.client.endpoints import Endpoints
 from smad.client.wire import connect
 from smad.config import LimitsConfig
+from smad.daemon.arming import Phase
 from smad.daemon.command.lease import Caller
 from smad.daemon.sockets.listener import bytes_unread
 from tests.smad.daemon.rig import Rig, rig_in
@@ -176,9 +177,41 @@ async def test_a_board_found_armed_long_after_its_last_stop_is_told_to_disarm(
                 await rig.sample()
         # The board's clock wraps every 71.6 min, and what is half of that away looks earlier.
         t_us = (samples[-1].t_us + minutes * 60_000_000) % 2**32
+        generation = rig.daemon.stops.generation
         stop.on_sample(msgspec.structs.replace(samples[-1], t_us=t_us, mode=BoardState.ARMED))
         await rig.run(1)
         assert any("found armed by somebody else" in line for line in rig.heard)
+        assert rig.daemon.stops.generation == generation + 1
+
+
+async def test_while_the_reply_to_a_stop_waits_arming_is_refused_as_stopped(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.connected()
+        with rig.daemon.stops.reply_open(), pytest.raises(Refused) as refused:
+            await rig.ask("arm")
+        assert refused.value.reason == "stopped"
+        await rig.ask("arm")
+
+
+async def test_a_board_that_may_still_take_a_late_confirmation_is_not_known_to_be_off(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.connected()
+        stop, machine = rig.axis.stop, rig.daemon.stops.arming
+        rig.daemon.stops.begin_arming([stop], machine.generation)
+        machine.ask()
+        machine.granted(stop.label)
+        stop.arming()
+        machine.confirm()
+        # On its way when the line goes, ARM_CONFIRM is good for two seconds.
+        rig.pull_the_plug()
+        await rig.run_for(1.5)
+        stop.tick()
+        assert not stop.off
+        await rig.run_for(1.5)
+        stop.tick()
+        assert stop.off
 
 
 async def test_a_disarm_overtakes_what_others_ask_of_the_board(tmp_path: Path) -> None:
@@ -244,6 +277,40 @@ async def test_a_stop_that_the_board_does_not_carry_out_says_so_and_is_asked_for
         await rig.run_for(3.0)
         assert rig.bench.board.state not in HOT
         assert (await rig.ask("disarm"))["armed"] is False
+
+
+async def test_a_board_that_does_not_confirm_gets_no_setpoints_although_ticks_are_late(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        monkeypatch.setattr(rig.axis.stop, "tick", lambda: None)
+        monkeypatch.setitem(rig.bench.board.commands._actions, DisarmRequested, lambda *_: None)
+        stopping = rig.begin("disarm")
+        await rig.run_for(0.3)
+        sent = rig.axis.control.counts.setpoints
+        await rig.run_for(0.5)
+        assert rig.axis.control.counts.setpoints == sent
+        assert rig.bench.board.state is not BoardState.ARMED
+        assert result_of(await rig.run_until(stopping))["armed"] is False
+
+
+async def test_the_answer_to_a_stop_before_an_arming_says_nothing_of_the_stop_after_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        answer = asyncio.get_running_loop().create_future()
+        stop = rig.axis.stop
+        with monkeypatch.context() as late:
+            late.setattr(stop._requests, "ask", lambda _: answer)
+            stopping = rig.begin("disarm")
+            await asyncio.sleep(0)
+        stop.arming()
+        answer.set_result(Done(0, 0))
+        await asyncio.sleep(0)
+        assert stop.phase is Phase.STOPPING
+        assert result_of(await rig.run_until(stopping))["armed"] is False
 
 
 async def test_a_stop_that_the_board_cannot_hear_ends_with_the_boards_own(tmp_path: Path) -> None:

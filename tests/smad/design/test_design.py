@@ -20,7 +20,9 @@ def test_the_springs_of_set_a_make_the_stroke_and_force_of_the_paper() -> None:
     assert made.force_hot_N == pytest.approx(1.743, rel=0.05)
     assert made.resistance_Ohm == pytest.approx(0.758, rel=0.01)
     assert made.wire_m == pytest.approx(0.408, rel=0.01)
-    assert made.power_W < made.peak_power_W
+    assert made.peak_power_W == pytest.approx(4.0**2 * made.resistance_Ohm, rel=0.05)
+    heated = 2.0 * made.heating_s / made.period_s
+    assert made.power_W == pytest.approx(heated * made.peak_power_W, rel=0.05)
     assert made.outside == ()
 
 

@@ -258,8 +258,10 @@ def test_a_standard_run_gives_stroke_cooling_and_resistance(tmp_path: Path) -> N
     found = ageing.grown(ageing.AGEINGS[0], 0, 1, seed=1, folder=tmp_path)
     assert found.group == "standard"
     assert found.values["stroke_mm"].value == pytest.approx(8.0, abs=1.0)
-    assert found.values["cooling_x_per_s"].value > 0.05
-    assert 0.5 < found.values["resistance_x_ohm"].value < 1.2
+    assert found.values["force_max_N"].value == pytest.approx(1.9, abs=0.1)
+    for spring in "xy":
+        assert found.values[f"cooling_{spring}_per_s"].value > 0.05
+        assert 0.5 < found.values[f"resistance_{spring}_ohm"].value < 1.2
 
 
 def test_the_command_takes_new_runs_in_once_and_says_what_is_wrong(

@@ -107,7 +107,8 @@ def test_a_lost_answer_of_a_plug_cuts_nothing_and_a_silent_plug_is_told_before_i
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     now_s, asked_s = 0.0, list[float]()
-    answers = iter([True, False, True])
+    # After so many seconds. A plug counts from when it was asked.
+    answers = iter([0.0, None, 0.35])
 
     def wait(seconds: float) -> None:
         nonlocal now_s
@@ -115,8 +116,9 @@ def test_a_lost_answer_of_a_plug_cuts_nothing_and_a_silent_plug_is_told_before_i
 
     def ask(command: str) -> None:
         asked_s.append(now_s)
-        if not next(answers, False):
-            wait(relays._HTTP_S)
+        answered_s = next(answers, None)
+        wait(relays._HTTP_S if answered_s is None else answered_s)
+        if answered_s is None:
             raise RelayError("the plug does not answer")
 
     relay = TasmotaRelay("http://plug.lab", clock_s=lambda: now_s, sleep=wait)
@@ -125,7 +127,7 @@ def test_a_lost_answer_of_a_plug_cuts_nothing_and_a_silent_plug_is_told_before_i
     wait(RENEW_S)
     relay.renew()
     assert len(asked_s) == 3
-    wait(RENEW_S)
+    wait(asked_s[2] + RENEW_S - now_s)
     with pytest.raises(RelayError):
         relay.renew()
     # Renewed after it has fallen, it would close by itself.

@@ -33,10 +33,10 @@ def repeat(rng: np.random.Generator, *, wrong: float = 0.0, rho: float = 0.8) ->
     return Deviation(values, here, np.zeros((BINS, CHANNELS), dtype=int), day)
 
 
-def floor_of(repeats: list[Deviation], least: float = 1e-3) -> Floor:
+def floor_of(repeats: list[Deviation], least: float = 1e-3, degrees: int | None = None) -> Floor:
     return repeat_floor(
         repeats,
-        len(repeats),
+        len(repeats) if degrees is None else degrees,
         1,
         least=np.full(CHANNELS, least),
         noise=np.full(CHANNELS, least),
@@ -55,6 +55,15 @@ def test_good_runs_say_how_far_what_was_carried_over_is_off(
 
 def test_without_repeats_two_fifths_of_what_was_carried_over_may_be_wrong() -> None:
     assert floor_of([]).day_sd[-1] == USUAL[-1]
+
+
+@pytest.mark.parametrize(("degrees", "wider"), [(1, 3.0), (2, 3.0), (4, 5.0 / 3.0)])
+def test_the_floor_of_few_repeats_is_wider_as_that_of_students_distribution(
+    degrees: int, wider: float
+) -> None:
+    repeats = [repeat(np.random.default_rng(4)) for _ in range(4)]
+    few, many = (floor_of(repeats, degrees=n).gauge for n in (degrees, 10**9))
+    assert (few / many) ** 2 == pytest.approx(wider)
 
 
 def test_a_channel_that_no_two_repeats_have_keeps_the_noise_of_its_readings() -> None:

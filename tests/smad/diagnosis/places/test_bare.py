@@ -125,19 +125,23 @@ def test_a_strong_law_that_is_right_agrees_with_what_was_measured() -> None:
     assert np.std(shown - wanted) < 0.01 * np.std(plain - wanted)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("state", "nothing"), [("temp_l_degC", np.nan), ("temp_l_degC_rate", np.inf)]
+)
 def test_a_law_of_an_input_leaves_a_replay_without_numbers_as_it_is(
-    capfd: pytest.CaptureFixture[str],
+    capfd: pytest.CaptureFixture[str], state: str, nothing: float
 ) -> None:
     class Stops(HeaterPlant):
         def simulate(self, point, run, *, fast=False):  # type: ignore[no-untyped-def]
             shown = super().simulate(point, run, fast=fast)
             driven = bool(np.any(run.inputs["cmd_l_W"] != still.inputs["cmd_l_W"]))
-            return shown if driven else {n: np.full(len(y), np.nan) for n, y in shown.items()}
+            return shown if driven else {n: np.full(len(y), nothing) for n, y in shown.items()}
 
     still = run_of("one side")
-    point = with_law("input_cmd_l_W", line("temp_l_degC", -0.1, 22.0, 150.0, zero=22.0))
+    point = with_law("input_cmd_l_W", line(state, -0.1, 22.0, 150.0, zero=22.0))
     shown = with_places(Stops()).simulate(point, still)
-    assert np.isnan(shown["temp_l_degC"]).all()
+    assert np.array_equal(shown["temp_l_degC"], np.full(len(still.t_s), nothing), equal_nan=True)
     assert capfd.readouterr() == ("", "")
 
 

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from smad.diagnosis.data.noise import estimate_floors
+from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.plant import Array, ModelPoint, nominal_point
 from smad.diagnosis.rivals.convergence import polished
-from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
+from smad.diagnosis.rivals.evidence import Evidence, Trial, recorded_evidence
 from smad.diagnosis.rivals.fit import (
     Fit,
     Reference,
+    leave_out,
     objective,
     reference_at,
     replayed,
@@ -68,3 +72,22 @@ def test_a_fit_that_has_ended_is_lower_by_exact_replays_and_says_how_low(
     assert made.objective == pytest.approx(by_replay(evidence, here, made.x), rel=1e-3)
     assert made.objective < 0.8 * by_replay(evidence, here, start)
     assert again.objective <= made.objective
+
+
+def test_the_coordinates_that_judge_a_run_are_those_of_the_other_runs() -> None:
+    rows = RunRows.of(np.ones(1), np.ones((50, 1), dtype=bool))
+    trials = [
+        Trial(played=cast(Any, SimpleNamespace()), target=np.full((50, 1), level), rows=rows)
+        for level in (3.0, -1.0, -1.0, -1.0)
+    ]
+    evidence = Evidence(trials=tuple(trials))
+    # A level that is fitted to all of them is 0.
+    model = SimpleNamespace(
+        bounds=(np.full(1, -9.0), np.full(1, 9.0)), prior=(np.zeros(1), np.full((1, 1), 1e-9))
+    )
+    residual = evidence.residual([np.zeros((50, 1))] * 4)
+    of_all = SimpleNamespace(
+        model=model, x=np.zeros(1), residual=residual, slopes=np.ones((1, len(residual)))
+    )
+    without_each = np.concatenate(leave_out(evidence, cast(Any, of_all)))
+    assert without_each == pytest.approx([-1.0, 1 / 3, 1 / 3, 1 / 3], abs=0.01)

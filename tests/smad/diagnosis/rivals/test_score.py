@@ -12,6 +12,7 @@ from smad.diagnosis.rivals.score import (
     LAW,
     NOTHING,
     PARAMETERS,
+    credible_set,
     effective_rows,
     log_scores,
     probabilities,
@@ -184,3 +185,8 @@ def test_an_error_of_form_may_leave_more_of_new_runs_than_of_the_good_ones_in_on
     assert quiet_gap(0.0, 2.5, runs, good) == pytest.approx(1.35)
     most = quiet_gap(1.0, 2.5, runs, good)
     assert np.mean(np.sqrt(new / floor) > most) == pytest.approx(0.01, abs=0.002)
+
+
+@pytest.mark.parametrize(("level", "names"), [(0.5, "a"), (0.6, "a"), (0.85, "ab"), (0.95, "abc")])
+def test_a_credible_set_has_the_fewest_that_hold_its_level(level: float, names: str) -> None:
+    assert credible_set({"c": 0.1, "b": 0.3, "a": 0.6}, level) == list(names)

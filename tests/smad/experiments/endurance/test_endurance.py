@@ -64,9 +64,10 @@ def columns(strokes_mm: list[float]) -> dict[str, np.ndarray]:
         "force_N": np.full(len(t), 2.0),
         "i_meas_x_A": np.where(wave > 0, 1.0, 0.0),
         "v_x_V": np.where(wave > 0, 0.8, 0.0),
-        "i_meas_y_A": np.zeros(len(t)),
-        "v_y_V": np.zeros(len(t)),
-        "rtd_x_degC": 40.0 + wave,
+        "i_meas_y_A": np.where(wave > 0, 0.0, 0.5),
+        "v_y_V": np.where(wave > 0, 0.0, 0.4),
+        # With a hysteresis of 4 K.
+        "rtd_x_degC": 40.0 + wave + 2.0 * np.sign(np.cos(2 * np.pi * t / 8.0)),
     }
 
 
@@ -90,8 +91,8 @@ def test_cycles_are_cut_where_the_reference_rises_and_have_their_stroke() -> Non
     assert [cycle.number for cycle in found] == [11, 12, 13]
     assert [round(cycle.stroke_mm, 1) for cycle in found] == [5.9, 4.9, 3.9]
     assert found[0].resistance_ohm == pytest.approx(0.8)
-    assert found[0].energy_J == pytest.approx(0.8 * 4.0, rel=0.02)
-    assert found[0].transformation_degC == pytest.approx(40.0, abs=0.3)
+    assert found[0].energy_J == pytest.approx(0.8 * 4.0 + 0.2 * 4.0, rel=0.02)
+    assert found[0].transformation_degC == pytest.approx(42.0, abs=0.3)
 
 
 def test_readings_that_are_missing_are_no_error() -> None:
@@ -126,6 +127,7 @@ def test_a_pair_that_does_not_move_loses_no_stroke() -> None:
             "resistance",
         ),
         (EndLimits(shift_K=3.0), lambda n: {"transformation_degC": 42.0 - 0.01 * n}, "shifted"),
+        (EndLimits(shift_K=3.0), lambda n: {"transformation_degC": 42.0 + 0.01 * n}, "shifted"),
     ],
 )
 def test_a_limit_ends_the_run_when_the_median_reaches_it(
