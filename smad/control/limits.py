@@ -10,6 +10,8 @@ from smad.control.sample import LONGEST_STEP_S, Sample
 FOLD_BACK_K = 2.0
 """Over so many kelvin below the temperature limit the current limit falls to zero: a spring at
 the limit gets a steady current instead of a switched one."""
+FOLD_BACK_A = 4.0
+"""What is allowed where the fold-back begins: the paper's largest current."""
 RATE_WINDOW_S = 0.05
 """A temperature rate is taken over at least this time: sample to sample it would be noise."""
 QUENCH = 4.0
@@ -148,7 +150,7 @@ class HostLimits:
         acting = 0
         room_K = config.temperature_max_degC - rtd_degC
         if room_K < FOLD_BACK_K:
-            allowed_A = max(0.0, room_K / FOLD_BACK_K) * 4.0
+            allowed_A = max(0.0, room_K / FOLD_BACK_K) * FOLD_BACK_A
             if i_A > allowed_A:
                 i_A = allowed_A
                 acting = _TEMPERATURE[k].value
