@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from smad.cli import complete
-from smad.cli.options import FILE, FOLDER, OUTPUT, PATH, Group, argument, flag, json_option, option
+from smad.cli.options import FOLDER, OUTPUT, PATH, Group, argument, flag, json_option, option
 from smad.cli.output import print_json
 from smad.cli.quantity import Quantity, Whole
 from smad.counted import counted
@@ -178,18 +178,18 @@ def plot(
         PATH, metavar="[RUN]...", nargs=-1, shell_complete=complete.runs
     ),
     folder: str = _folder,
-    output: Path | None = option("-o --output", "Page to write.", OUTPUT),
+    output: Path | None = option("-o --output", "Without --figure: page to write.", OUTPUT),
     from_s: float | None = option("--from", "First second to draw.", Quantity("s")),
     to_s: float | None = option("--to", "Last second to draw.", Quantity("s")),
-    open_page: bool = flag("--open", "Open the page in a browser."),
+    open_page: bool = flag("--open", "Without --figure: open the page in a browser."),
     figure: Path | None = option(
         "--figure",
         "Write the panels as a figure for print in place of a page: .svg, .pdf or .png.",
-        FILE,
+        OUTPUT,
     ),
     width_mm: float = option(
         "--width MM",
-        "Width of the figure; a column of a journal is about 85, two are 175.",
+        "With --figure: its width; a column of a journal is about 85, two are 175.",
         Quantity("mm", 40.0, 400.0),
         default=85.0,
     ),

@@ -77,28 +77,30 @@ def run(
         multiple=True,
     ),
     config_file: Path | None = option(
-        "--config", "Configuration of the control in virtual time, as for `smad start`.", FILE
+        "--config",
+        "With --sim: configuration of the control in virtual time, as for `smad start`.",
+        FILE,
     ),
     seed: int = seed_option,
     jobs: int | None = option(
-        "--jobs", "Processes for --sim; by default one a core.", Whole(1, 256)
+        "--jobs", "With --sim: processes; by default one a core.", Whole(1, 256)
     ),
     logs: tuple[Path, ...] = option(
         "--from",
-        "Analyse these run logs instead of running anything; may be repeated.",
+        "Without --sim: analyse these run logs instead of running anything; may be repeated.",
         FILE,
         multiple=True,
     ),
     fixture: str = option(
         "--fixture",
-        "How the springs of the real bench are mounted.",
+        "Without --sim or --from: how the springs of the bench are mounted.",
         click.Choice(["antagonistic", "stretch", "blocked"]),
         default="antagonistic",
     ),
-    air: bool = flag("--air", "The real bench has no tubes mounted."),
+    air: bool = flag("--air", "Without --sim or --from: the bench has no tubes mounted."),
     lacking: tuple[str, ...] = option(
         "--lacking PART",
-        "Remove a sensor (a channel such as force_N) of the simulated bench; may be repeated.",
+        "With --sim: remove a sensor (a channel such as force_N) of the bench; may be repeated.",
         multiple=True,
     ),
     report: Path | None = option(

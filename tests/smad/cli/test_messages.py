@@ -102,6 +102,34 @@ def test_what_is_written_replaces_no_file_that_the_command_reads_or_writes(
     assert (tmp_path / "mine.toml").read_text() == "text"
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("run dsc --jobs 2", "--jobs needs --sim; add --sim, or leave --jobs out."),
+        ("run dsc --sim --air", "--air and --sim exclude each other; leave --air out, or --sim."),
+        ("run dsc --sim --from a.mcap", "--from and --sim exclude"),
+        ("run repeat a.mcap --sim --as-is", "--as-is and --sim exclude"),
+        ("run repeat a.mcap --seed 0", "--seed needs --sim"),
+        ("run endurance --cycles 9 --sim --spring y", "--spring needs --temperature"),
+        ("run endurance --cycles 9 --baseline good", "--baseline needs --every"),
+        ("gap checkup --good . --now . --quick", "--quick needs --baseline"),
+        ("gap checkup --baseline . --now . --out b", "--out and --now exclude"),
+        ("gap next --run pulses --folder a", "--folder needs --sim"),
+        ("gap next --map pyproject.toml", "--map need RUNs"),
+        ("gap plan --mjcf README.md --map README.md --params B", "--mjcf and --params exclude"),
+        ("log plot a.mcap --figure a.svg -o a.html", "--output and --figure exclude"),
+        ("log plot a.mcap --width 90", "--width needs --figure"),
+        ("model export a.toml --fmi a.fmu --params B", "--params and MODEL exclude"),
+        ("sim --speed nan", "'nan' is not a finite number"),
+    ],
+)
+def test_an_option_that_would_be_ignored_is_refused(
+    words: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert execute(words.split()) == 2
+    assert told in capsys.readouterr().err
+
+
 def test_one_of_a_kind_is_told_in_the_singular(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
