@@ -47,6 +47,8 @@ def health(
     with progress() as line:
         rows = collect(folder, verdicts, say=line.note, progress=line.say)
     bench_health = health_of(rows, most)
+    for name in set(most) - {n for r in rows for q in r.values for n in (q, f"{r.group}: {q}")}:
+        click.echo(f"smad: no row has the quantity of --limit {name}", err=True)
     if report is not None:
         write_page(page(bench_health, str(folder)), report)
     if as_json:
