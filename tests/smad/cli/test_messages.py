@@ -54,6 +54,10 @@ from smad.errors import SmadError
         ("params set jump_cC 40F", "'40F': give it in cC or °C"),
         ("params set cold_cC warm", "'warm' is not a number of cC. See"),
         ("record last --seconds soon", "'soon' is not a number of s"),
+        ("record last --seconds -5", "'-5' is not within 1 to 600 s"),
+        ("heat x 50 --for 1,5s", "'1,5s': a number has a decimal point and no comma, as 1.5."),
+        ("move step -1,5", "'-1,5': a number has a decimal point"),
+        ("tune --yes --spring y", "--spring is for the temperature loop; leave it out."),
     ],
 )
 def test_a_slip_is_answered_in_words(
@@ -119,6 +123,7 @@ def test_what_is_written_replaces_no_file_that_the_command_reads_or_writes(
         ("gap plan --mjcf README.md --map README.md --params B", "--mjcf and --params exclude"),
         ("log plot a.mcap --figure a.svg -o a.html", "--output and --figure exclude"),
         ("log plot a.mcap --width 90", "--width needs --figure"),
+        ("log list here --folder there", "--folder and PATH exclude"),
         ("model export a.toml --fmi a.fmu --params B", "--params and MODEL exclude"),
         ("sim --speed nan", "'nan' is not a finite number"),
     ],
@@ -176,6 +181,7 @@ def test_fault_list_names_every_fault_and_an_unknown_one_is_told_them_too() -> N
         ("Expected `float` <= 1.0", "it has to be at most 1"),
         ("Expected `int` >= 1", "it has to be at least 1"),
         ("Expected `array` of length >= 1", "it has to be a list of at least 1"),
+        ("Expected `str` of length >= 1", "it has to be text of at least 1 character"),
         ("Expected `float` > 0.0", "it has to be above 0"),
         ("Expected `bool`, got `str`", "it has to be true or false, not text"),
         ("Expected `float`, got `null`", "it has to be a number, not nothing"),
