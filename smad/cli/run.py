@@ -25,7 +25,7 @@ from smad.cli.simulated import seed_option, simulated_model
 from smad.view.terminal.progress import progress
 from smad.view.terminal.tables import print_columns, print_table
 
-_OTHERS = {
+OTHERS = {
     "repeat": "smad.cli.repeat",
     "six-axes": "smad.cli.robot",
     "moves": "smad.cli.repeat",
@@ -45,9 +45,9 @@ class _Run(Command):
         **extra: Any,
     ) -> click.Context:
         """Return the context of the one that is meant."""
-        if args and args[0] in _OTHERS:
+        if args and args[0] in OTHERS:
             name = args[0].replace("-", "_")
-            other: click.Command = getattr(importlib.import_module(_OTHERS[args[0]]), name)
+            other: click.Command = getattr(importlib.import_module(OTHERS[args[0]]), name)
             return other.make_context(f"{info_name} {args[0]}", args[1:], parent, **extra)
         return super().make_context(info_name, args, parent, **extra)
 

@@ -135,6 +135,16 @@ def test_an_option_that_would_be_ignored_is_refused(
     assert told in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("words", ["design none.toml", "model export none.toml --fmi a.fmu"])
+def test_a_file_that_is_not_there_is_told_with_what_to_give(
+    words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert execute(words.split()) == 1
+    assert (
+        "none.toml cannot be read (No such file or directory); give a " in capsys.readouterr().err
+    )
+
+
 def test_one_of_a_kind_is_told_in_the_singular(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
