@@ -7,6 +7,7 @@ import click
 
 from smad.cli.options import FILE, FOLDER, OUTPUT, Command, json_option, option
 from smad.cli.output import print_json
+from smad.cli.quantity import Quantity
 from smad.view.terminal.progress import progress
 
 
@@ -67,10 +68,7 @@ def _limits(texts: tuple[str, ...]) -> Mapping[str, float]:
     limits = {}
     for text in texts:
         name, equals, value = text.rpartition("=")
-        try:
-            limits[name] = float(value)
-        except ValueError:
-            equals = ""
         if not (name and equals):
             raise click.UsageError(f"--limit {text}: give NAME=VALUE, such as stroke_mm=8")
+        limits[name] = Quantity().convert(value, None, click.get_current_context())
     return limits

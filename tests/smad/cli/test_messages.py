@@ -57,6 +57,8 @@ from smad.errors import SmadError
         ("record last --seconds -5", "'-5' is not within 1 to 600 s"),
         ("heat x 50 --for 1,5s", "'1,5s': a number has a decimal point and no comma, as 1.5."),
         ("move step -1,5", "'-1,5': a number has a decimal point"),
+        ("health --folder . --limit stroke_mm=nan", "'nan' is not a finite number"),
+        ("health --folder . --limit stroke_mm=8,5", "'8,5': a number has a decimal point"),
         ("tune --yes --spring y", "--spring is for the temperature loop; leave it out."),
     ],
 )
