@@ -116,7 +116,7 @@ def load_geometry(
     try:
         raw = parsed(path, "TOML", tomllib.loads)
     except TextFileError as error:
-        raise ParameterError("file", f"{path} {error}") from None
+        raise ParameterError("file", f"{path} {error}; give a file of a geometry") from None
     named = str(raw.pop("base", "A"))
     names = {field.name: field for field in fields(Geometry)}
     for key, value in raw.items():

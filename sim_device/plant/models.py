@@ -234,7 +234,7 @@ def _decode(path: Path) -> dict[str, Any]:
         else:
             raw = parsed(path, "TOML", tomllib.loads)
     except TextFileError as error:
-        raise ModelError(f"{path} {error}") from None
+        raise ModelError(f"{path} {error}; give a model file, TOML or JSON") from None
     if not isinstance(raw, dict):
         raise ModelError(f"{path.name} holds {type(raw).__name__}, not a table")
     return raw

@@ -39,9 +39,10 @@ def parameters() -> Iterator[tuple[str, str]]:
 
 @_offer
 def experiments() -> Iterator[tuple[str, str]]:
+    from smad.cli.run import OTHERS
     from smad.experiments.registry import EXPERIMENTS
 
-    return ((name, "") for name in (*EXPERIMENTS, "all"))
+    return ((name, "") for name in (*EXPERIMENTS, "all", *OTHERS))
 
 
 @_offer

@@ -77,9 +77,6 @@ def diagnose(
     if not runs:
         raise click.UsageError("--leave-out leaves no run to fit; give more runs")
     good = without_cut_runs(good)
-    simulator.require_pairs()
-    if processes is not None and not simulator.given:
-        raise click.UsageError("--processes needs --fmu or --mjcf; leave it out")
     if simulator.given:
         answer = simulator.diagnose(
             runs, good=good, hold_out=hold_out, trusted=trust, processes=processes

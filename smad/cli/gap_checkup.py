@@ -15,7 +15,7 @@ from smad.cli.gap_print import print_verdict, show_verdict
 from smad.cli.options import FOLDER, OUTPUT, Command, axis_option, flag, option, together
 from smad.cli.output import ready_client
 from smad.cli.quantity import Quantity, Whole
-from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
+from smad.cli.simulated import effect_option, seed_option, sim_option, simulated_model
 from smad.view.terminal.progress import Progress, progress
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ class _Bench:
     sim: bool = sim_option
     seed: int = seed_option
     programme_folder: Path | None = option(
-        "--programme", "A programme in place of the package's.", FOLDER
+        "--programme", "With --baseline: a programme in place of the package's.", FOLDER
     )
     bench: str = axis_option
 
@@ -102,7 +102,6 @@ def _require_pairs(options: Mapping[str, Any]) -> None:
         )
     if options["good"] is not None and options["now"] is None:
         raise click.UsageError("--good needs --now: the runs to judge")
-    require_sim(options["effects"], sim=options["sim"])
 
 
 @click.command(cls=Command, require=_require_pairs)
@@ -120,7 +119,7 @@ def checkup(
     quick: bool = flag("--quick", "With --baseline: only the runs that separate most effects."),
     out: Path | None = option(
         "--out",
-        "With --baseline: folder of the new runs  [default: BASELINE/now-1, now-2 …]",
+        "With --baseline, without --now: their folder  [default: BASELINE/now-1, now-2 …]",
         FOLDER,
     ),
     effects: tuple[str, ...] = effect_option,
@@ -195,7 +194,6 @@ def investigate(
     from smad.diagnosis.spring_pair import SmaPlant
     from smad.diagnosis.verdict import PAIRED
 
-    require_sim(effects, sim=bench.sim)
     with progress() as line:
         place, report = investigation.investigate(
             folder,

@@ -19,7 +19,8 @@ from smad.cli.gap_runs import (
 from smad.cli.gap_simulator import map_option, mapping_of
 from smad.cli.options import EXISTING, FOLDER, PATH, bench_option, flag, option, together
 from smad.cli.output import ready_client
-from smad.cli.simulated import effect_option, seed_option, simulated_model
+from smad.cli.quantity import Whole
+from smad.cli.simulated import effect_option, simulated_model
 from smad.files import display_path
 from smad.view.terminal.progress import progress
 
@@ -50,7 +51,12 @@ def next_experiment(
     ),
     bench: str = bench_option,
     pair: SpringPair = together(SpringPair),
-    seed: int = seed_option,
+    seed: int = option(
+        "--seed",
+        "With --run: seed of random inputs, with --sim of all noise, too.",
+        Whole(0, 2**32 - 1),
+        default=0,
+    ),
 ) -> None:
     """Recommend the experiment to record next, or run one.
 
@@ -59,10 +65,8 @@ def next_experiment(
     """
     if chosen is not None and runs:
         raise click.UsageError("--run carries an experiment out; give RUNs without it")
-    if (effects or model_path) and not sim:
-        raise click.UsageError("--model and --effect need a simulated bench; add --sim")
-    if sim and chosen is None:
-        raise click.UsageError("--sim says where --run runs; give --run NAME too")
+    if (hold_out or good or map_path) and not runs:
+        raise click.UsageError("--hold-out, --good and --map need RUNs; give runs to diagnose")
     if baseline is not None:
         if runs or chosen is not None:
             raise click.UsageError("--baseline has its own runs; give neither RUNs nor --run")

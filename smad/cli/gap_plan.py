@@ -22,7 +22,9 @@ def plan_runs(
         callback=files,
     ),
     experiments: tuple[str, ...] = option(
-        "--experiment NAME", "A run of the spring pair, from `smad gap next`.", multiple=True
+        "--experiment NAME",
+        "Without --fmu or --mjcf: a run of the spring pair, from `smad gap next`.",
+        multiple=True,
     ),
     within_s: float = option(
         "--within S", "Limit of the processor time.", Quantity("s", 0.1, 3600.0), default=5.0
@@ -42,15 +44,10 @@ def plan_runs(
     """
     from smad.simulators.planning import left_of, plan_pair
 
-    simulator.require_pairs()
     if not inputs and not experiments:
         raise click.UsageError("nothing would be played; give --inputs FILE or --experiment NAME")
     if simulator.map_path is not None and not simulator.given:
         raise click.UsageError("--map needs --fmu or --mjcf; give one of them")
-    if experiments and simulator.given:
-        raise click.UsageError(
-            "--experiment works with the spring pair only; with --map give --inputs"
-        )
     if simulator.given:
         planned = simulator.plan(inputs, left_of(within_s))
     else:

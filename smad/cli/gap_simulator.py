@@ -24,9 +24,14 @@ class Simulator:
     """A simulator that is not ours, with the files that a person names for it."""
 
     fmu: Path | None = option(
-        "--fmu", "Use this FMI 2.0 unit as the model; needs --map. Runs its code.", EXISTING
+        "--fmu",
+        "With --map, without --mjcf, --params or --variant: use this FMI 2.0 unit as the model. "
+        "Runs its code.",
+        EXISTING,
     )
-    mjcf: Path | None = option("--mjcf", "Use this MuJoCo model; needs --map.", EXISTING)
+    mjcf: Path | None = option(
+        "--mjcf", "With --map, without --params or --variant: use this MuJoCo model.", EXISTING
+    )
     map_path: Path | None = option(
         "--map", "TOML file that maps columns to variables or parts of a simulator.", EXISTING
     )
@@ -40,16 +45,6 @@ class Simulator:
     def given(self) -> bool:
         """Whether it is one of FMI or MuJoCo; a map alone is one of columns."""
         return self.fmu is not None or self.mjcf is not None
-
-    def require_pairs(self) -> None:
-        """Raise UsageError for options that do not belong together."""
-        if self.fmu is not None and self.mjcf is not None:
-            raise click.UsageError("a model is one of --fmu and --mjcf; give one")
-        if self.map_path is None and self.given:
-            name = "--fmu" if self.fmu else "--mjcf"
-            raise click.UsageError(f"{name} and --map belong together; give both")
-        if self.window_s is not None and self.mjcf is None:
-            raise click.UsageError("--window needs --mjcf; leave it out")
 
     def diagnose(self, runs: Sequence[Path], **options: Any) -> Answer:
         """The answer; `options` are all else that `diagnose_mjcf` and `diagnose_unit` take."""
@@ -87,7 +82,7 @@ class Simulator:
 
 processes_option = option(
     "--processes N",
-    "With --mjcf or --fmu: number of processes (default: 1; all idle cores for a slow MuJoCo "
+    "With --fmu or --mjcf: number of processes (default: 1; all idle cores for a slow MuJoCo "
     "model).",
     Whole(1),
 )

@@ -7,6 +7,7 @@ import click
 
 from smad.cli.options import FILE, FOLDER, OUTPUT, Command, json_option, option
 from smad.cli.output import print_json
+from smad.cli.quantity import Quantity
 from smad.view.terminal.progress import progress
 
 
@@ -47,6 +48,8 @@ def health(
     with progress() as line:
         rows = collect(folder, verdicts, say=line.note, progress=line.say)
     bench_health = health_of(rows, most)
+    for name in set(most) - {n for r in rows for q in r.values for n in (q, f"{r.group}: {q}")}:
+        click.echo(f"smad: no row has the quantity of --limit {name}", err=True)
     if report is not None:
         write_page(page(bench_health, str(folder)), report)
     if as_json:
@@ -65,10 +68,7 @@ def _limits(texts: tuple[str, ...]) -> Mapping[str, float]:
     limits = {}
     for text in texts:
         name, equals, value = text.rpartition("=")
-        try:
-            limits[name] = float(value)
-        except ValueError:
-            equals = ""
         if not (name and equals):
             raise click.UsageError(f"--limit {text}: give NAME=VALUE, such as stroke_mm=8")
+        limits[name] = Quantity().convert(value, None, click.get_current_context())
     return limits

@@ -7,10 +7,11 @@ from pathlib import Path
 import click
 
 from smad.cli import complete
-from smad.cli.options import FILE, FOLDER, OUTPUT, PATH, Group, argument, flag, json_option, option
+from smad.cli.options import FOLDER, OUTPUT, PATH, Group, argument, flag, json_option, option
 from smad.cli.output import print_json
 from smad.cli.quantity import Quantity, Whole
 from smad.counted import counted
+from smad.errors import RunLogError
 from smad.files import display_path, require_writable
 from smad.runlog.formats import FORMATS
 from smad.runlog.paths import newest_run
@@ -35,7 +36,7 @@ def _folder_of_bench(context: click.Context, parameter: click.Parameter, folder:
 
 _folder = option(
     "--folder",
-    "Folder of the run logs [default: that of the running daemon, else runs]",
+    "Without PATH: folder of the run logs [default: that of the running daemon, else runs]",
     envvar="SMAD_RUNS",
     callback=_folder_of_bench,
 )
@@ -71,11 +72,11 @@ def layouts(
 
 @log.command("list")
 def list_command(
-    place: str | None = argument(metavar="[FOLDER]", required=False),
+    place: str | None = argument(metavar="[PATH]", required=False),
     folder: str = _folder,
     as_json: bool = json_option,
 ) -> None:
-    """List the run logs of FOLDER, or of --folder."""
+    """List the run logs of the folder PATH, or of --folder."""
     from smad.runlog import words
     from smad.runlog.overview import list_runs
 
@@ -124,8 +125,10 @@ def export(
     *,
     path: Path | None = _path,
     folder: str = _folder,
-    suffix: str = option(
-        "--to", "Format, if --output does not name it.", click.Choice(FORMATS), default="csv"
+    suffix: str | None = option(
+        "--to",
+        "Format, if --output does not name it  [default: csv]",
+        click.Choice(FORMATS),
     ),
     output: Path | None = option("-o --output", "File, or folder of a bag, to write.", PATH),
     overwrite: bool = flag("--overwrite", "Replace a file that is there."),
@@ -144,11 +147,11 @@ def export(
     from smad.runlog.reader import read_axes
 
     source = path or newest_run(folder)
-    target = output or source.with_suffix(f".{suffix}")
+    target = output or source.with_suffix(f".{suffix or 'csv'}")
     with bar("reading") as progress:
         read = read_axes(source, progress=progress)
     runs = {axis: with_readable_metadata(run, target) for axis, run in read.items()}
-    files = export_axes(runs, target, kind=suffix, wide=wide, fps=fps, overwrite=overwrite)
+    files = export_axes(runs, target, kind=suffix or "", wide=wide, fps=fps, overwrite=overwrite)
     notes = next(iter(runs.values())).notes
     count, what = count_in(files, runs)
     if as_json:
@@ -166,7 +169,9 @@ def split(path: Path | None = _path, folder: str = _folder) -> None:
     from smad.runlog.reader import read_axes
 
     source = path or newest_run(folder)
-    written = {extract(source, axis): len(run) for axis, run in read_axes(source).items()}
+    if len(read := read_axes(source)) == 1 and "" in read:
+        raise RunLogError(f"{source} is the log of a bench of one axis", action="use it as it is")
+    written = {extract(source, axis): len(run) for axis, run in read.items()}
     for file, rows in written.items():
         click.echo(f"{counted(rows, 'row')} to {file}")
 
@@ -175,21 +180,21 @@ def split(path: Path | None = _path, folder: str = _folder) -> None:
 def plot(
     *,
     paths: tuple[Path, ...] = argument(
-        PATH, metavar="[RUN]...", nargs=-1, shell_complete=complete.runs
+        PATH, metavar="[PATH]...", nargs=-1, shell_complete=complete.runs
     ),
     folder: str = _folder,
-    output: Path | None = option("-o --output", "Page to write.", OUTPUT),
+    output: Path | None = option("-o --output", "Without --figure: page to write.", OUTPUT),
     from_s: float | None = option("--from", "First second to draw.", Quantity("s")),
     to_s: float | None = option("--to", "Last second to draw.", Quantity("s")),
-    open_page: bool = flag("--open", "Open the page in a browser."),
+    open_page: bool = flag("--open", "Without --figure: open the page in a browser."),
     figure: Path | None = option(
         "--figure",
         "Write the panels as a figure for print in place of a page: .svg, .pdf or .png.",
-        FILE,
+        OUTPUT,
     ),
     width_mm: float = option(
         "--width MM",
-        "Width of the figure; a column of a journal is about 85, two are 175.",
+        "With --figure: its width; a column of a journal is about 85, two are 175.",
         Quantity("mm", 40.0, 400.0),
         default=85.0,
     ),

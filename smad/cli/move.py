@@ -29,7 +29,9 @@ from smad.errors import SmadError
 from smad.records.points import read_samples
 from smad.units import parted_name
 
-_queue_option = flag("--queue", "Append to the present motion instead of replacing it.")
+_queue_option = flag(
+    "--queue", "Append to the present motion instead of replacing it; returns at once."
+)
 _COMMON = [
     *_queue_option.parameters("queue"),
     *wait_option.parameters("wait"),

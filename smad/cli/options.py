@@ -7,11 +7,15 @@
         first: int | None = option("--first", "Only this many causes.", Whole(0)),
     ) -> None:
 
+Help that begins with `With --sim:` or `Without --figure:` is enforced where a command has these
+options: what is given and would be ignored is a usage error.
+
 Several that belong together are the fields of a dataclass, and `together(Simulator)` the default
 of the parameter that takes it.
 """
 
 import inspect
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -97,6 +101,34 @@ def _parameters_of(function: Callable[..., Any]) -> list[click.Parameter]:
     return [param for name, typed in _declared(function) for param in typed.parameters(name)]
 
 
+_NAME = r"(?:--[\w-]+|[A-Z]{2,})"
+
+
+def _require_others(ctx: click.Context) -> None:
+    """Raise the usage error of an option whose help says that it would be ignored."""
+    default, typed = click.core.ParameterSource.DEFAULT, click.core.ParameterSource.COMMANDLINE
+    named = {
+        p.opts[-1] if isinstance(p, click.Option) else p.human_readable_name.strip("[].…"): p
+        for p in ctx.command.params
+    }
+    sources = {name: ctx.get_parameter_source(p.name or "") for name, p in named.items()}
+    given = [name for name, source in sources.items() if source not in (default, None)]
+    for own in (name for name in given if sources[name] is typed):
+        lead = (getattr(named[own], "help", None) or "").partition(":")[0]
+        needs, excludes = (
+            re.findall(_NAME, " ".join(re.findall(rf"{word} {_NAME}(?:(?:, | or ){_NAME})*", lead)))
+            if lead.startswith("With")
+            else []
+            for word in ("ith", "ithout")
+        )
+        if not named.keys().isdisjoint(needs) and set(given).isdisjoint(needs):
+            any_of = " or ".join(needs)
+            raise click.UsageError(f"{own} needs {any_of}; add {any_of}, or leave {own} out")
+        for other in (name for name in excludes if name in given):
+            cause = f"{own} and {other} exclude each other"
+            raise click.UsageError(f"{cause}; leave {own} out, or {other}")
+
+
 class Command(click.Command):
     """A command whose options are those that the parameters of its function declare.
 
@@ -119,8 +151,10 @@ class Command(click.Command):
         """Parse, and raise the usage error of options that do not belong together."""
         with augment_usage_errors(ctx):
             remaining = super().parse_args(ctx, args)
-            if self._require is not None and not ctx.resilient_parsing:
-                self._require(ctx.params)
+            if not ctx.resilient_parsing:
+                _require_others(ctx)
+                if self._require is not None:
+                    self._require(ctx.params)
             return remaining
 
     def invoke(self, ctx: click.Context) -> Any:

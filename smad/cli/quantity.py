@@ -42,6 +42,8 @@ class Quantity(click.FloatRange):
         if isinstance(value, int | float):
             return float(value)
         text = str(value).strip()
+        if re.match(r"[-+]?\d*,\d", text):
+            self.fail(f"{value!r}: a number has a decimal point and no comma, as 1.5.", param, ctx)
         match, unit_words = _TYPED.fullmatch(text), in_words(self.unit)
         unit = spelt(match["unit"]) if match else ""
         try:

@@ -39,7 +39,7 @@ def stop(bench: str = bench_option) -> None:
 
 @record.command()
 def last(
-    seconds: float = option("--seconds", "How far back.", Quantity("s"), default=60.0),
+    seconds: float = option("--seconds", "How far back.", Quantity("s", 1.0, 600.0), default=60.0),
     bench: str = bench_option,
 ) -> None:
     """Write the last seconds into a log, recorded or not.

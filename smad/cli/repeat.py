@@ -23,8 +23,12 @@ from smad.view.terminal.progress import progress
 def repeat(
     *,
     run: Path = argument(FILE),
-    as_is: bool = flag("--as-is", "Begin where the bench is, without cooling first."),
-    other_bench: bool = flag("--other-bench", "Allow a run of another bench or board."),
+    as_is: bool = flag(
+        "--as-is", "Without --sim: begin where the bench is, without cooling first."
+    ),
+    other_bench: bool = flag(
+        "--other-bench", "Without --sim: allow a run of another bench or board."
+    ),
     sim: bool = sim_option,
     save_logs: Path = option(
         "--save-logs", "With --sim, the folder of the new run log.", FOLDER, default=Path("runs")

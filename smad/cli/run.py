@@ -25,7 +25,7 @@ from smad.cli.simulated import seed_option, simulated_model
 from smad.view.terminal.progress import progress
 from smad.view.terminal.tables import print_columns, print_table
 
-_OTHERS = {
+OTHERS = {
     "repeat": "smad.cli.repeat",
     "six-axes": "smad.cli.robot",
     "moves": "smad.cli.repeat",
@@ -45,9 +45,9 @@ class _Run(Command):
         **extra: Any,
     ) -> click.Context:
         """Return the context of the one that is meant."""
-        if args and args[0] in _OTHERS:
+        if args and args[0] in OTHERS:
             name = args[0].replace("-", "_")
-            other: click.Command = getattr(importlib.import_module(_OTHERS[args[0]]), name)
+            other: click.Command = getattr(importlib.import_module(OTHERS[args[0]]), name)
             return other.make_context(f"{info_name} {args[0]}", args[1:], parent, **extra)
         return super().make_context(info_name, args, parent, **extra)
 
@@ -77,28 +77,30 @@ def run(
         multiple=True,
     ),
     config_file: Path | None = option(
-        "--config", "Configuration of the control in virtual time, as for `smad start`.", FILE
+        "--config",
+        "With --sim: configuration of the control in virtual time, as for `smad start`.",
+        FILE,
     ),
     seed: int = seed_option,
     jobs: int | None = option(
-        "--jobs", "Processes for --sim; by default one a core.", Whole(1, 256)
+        "--jobs", "With --sim: processes; by default one a core.", Whole(1, 256)
     ),
     logs: tuple[Path, ...] = option(
         "--from",
-        "Analyse these run logs instead of running anything; may be repeated.",
+        "Without --sim: analyse these run logs instead of running anything; may be repeated.",
         FILE,
         multiple=True,
     ),
     fixture: str = option(
         "--fixture",
-        "How the springs of the real bench are mounted.",
+        "Without --sim or --from: how the springs of the bench are mounted.",
         click.Choice(["antagonistic", "stretch", "blocked"]),
         default="antagonistic",
     ),
-    air: bool = flag("--air", "The real bench has no tubes mounted."),
+    air: bool = flag("--air", "Without --sim or --from: the bench has no tubes mounted."),
     lacking: tuple[str, ...] = option(
         "--lacking PART",
-        "Remove a sensor (a channel such as force_N) of the simulated bench; may be repeated.",
+        "With --sim: remove a sensor (a channel such as force_N) of the bench; may be repeated.",
         multiple=True,
     ),
     report: Path | None = option(

@@ -13,7 +13,7 @@ import click
 from smad.cli.options import FOLDER, Command, axis_option, flag, lease_option, option, together
 from smad.cli.output import ready_client
 from smad.cli.quantity import Quantity, Whole
-from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
+from smad.cli.simulated import effect_option, seed_option, sim_option, simulated_model
 from smad.counted import counted
 from smad.view.terminal.progress import progress
 
@@ -37,7 +37,7 @@ class _Ends:
     )
     place_probability: float | None = option(
         "--end-place P",
-        "End when a place has changed with this probability.",
+        "With --every: end when a place has changed with this probability.",
         Quantity("1", 0.0, 1.0, above=True),
     )
 
@@ -45,11 +45,6 @@ class _Ends:
 def _require_pairs(options: Mapping[str, Any]) -> None:
     if options["displacement"] and options["temperature"]:
         raise click.UsageError("give --displacement or --temperature")
-    if options["every"] and options["baseline"] is None:
-        raise click.UsageError("--every N checkup needs --baseline FOLDER (of smad gap commission)")
-    if options["place_probability"] is not None and not options["every"]:
-        raise click.UsageError("--end-place needs --every N checkup")
-    require_sim(options["effects"], sim=options["sim"])
 
 
 @click.command(cls=Command, require=_require_pairs)
@@ -80,10 +75,12 @@ def endurance(
     ),
     every: tuple[int, str] | None = option(
         "--every N checkup",
-        "Play the quick check-up every N cycles.",
+        "With --baseline: play the quick check-up every N cycles.",
         (Whole(1), click.Choice(["checkup"])),
     ),
-    baseline: Path | None = option("--baseline", "Baseline of the check-ups.", FOLDER),
+    baseline: Path | None = option(
+        "--baseline", "With --every: baseline of the check-ups.", FOLDER
+    ),
     ends: _Ends = together(_Ends),
     full_every: int = option(
         "--full-every",

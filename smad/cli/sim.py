@@ -28,7 +28,7 @@ def sim(
     rate: str | None = rate_option,
     boards: Boards = together(Boards),
     store_path: Path | None = option(
-        "--store", "With --firmware: file that keeps the board's parameter memory.", FILE
+        "--store", "File of the board's parameter memory, for --firmware host.", FILE
     ),
     seconds: float | None = option("--for S", "End after this time.", Quantity("s", 0.0, 1e9)),
     transport: str = option("--transport", "pty, or fd:N,… (sockets).", default="pty"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,8 +11,7 @@ import click
 
 from smad.cli import complete
 from smad.cli.options import flag, option
-from smad.cli.quantity import Whole
-from smad.errors import ConfigError
+from smad.cli.quantity import Quantity, Whole
 from smad.processes.boards import BOARDS, effect_lines
 from smad.view.terminal.progress import note
 from smad.view.terminal.tables import print_columns
@@ -52,7 +51,7 @@ class Boards:
     """The boards that `smad sim` runs, and `smad start --sim` begins."""
 
     axes: int | None = option("--axes", "Number of boards.", Whole(1, 6))
-    speed: float | None = option("--speed", "Board time divided by wall time.", float)
+    speed: float | None = option("--speed", "Board time divided by wall time.", Quantity())
     seed: int | None = option("--seed", "Seed of all noise.", Whole(0, 2**32 - 1))
     paced_by_host: bool = flag("--paced-by-host", "The board waits for each setpoint.")
     faults: tuple[str, ...] = option(
@@ -82,21 +81,6 @@ class Boards:
         link = {"rate_hz": None if rate is None else int(rate)}
         plant = {"seed": self.seed, "speed_ratio": self.speed}
         return with_changes(config, link=link, plant=plant).with_axes(self.axes)
-
-    def require_none(self) -> None:
-        """Raise ConfigError where something is asked of a board that is not simulated."""
-        options = self.speed, self.seed, self.axes, self.paced_by_host or None, self.faults or None
-        if any(value is not None for value in options) or self.firmware != "python":
-            raise ConfigError(
-                "--speed, --seed, --axes, --paced-by-host, --fault and --firmware need --sim",
-                action="add --sim, or leave them out",
-            )
-
-
-def require_sim(effects: Iterable[str], *, sim: bool) -> None:
-    """Raise UsageError for effects of a bench that is not simulated."""
-    if effects and not sim:
-        raise click.UsageError("--effect needs a simulated bench; add --sim")
 
 
 def simulated_model(

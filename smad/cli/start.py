@@ -18,12 +18,12 @@ from smad.view.terminal.progress import progress
 def start(
     *,
     port: str | None = option(
-        "--port", "Serial device of the board, preferably /dev/serial/by-id/…."
+        "--port", "Without --sim: serial device of the board, preferably /dev/serial/by-id/…."
     ),
     simulated: bool = flag("--sim", "Start a simulated bench and use it."),
     path: Path | None = config_option,
     bench: str | None = option("--bench", "Name of the bench, if there are several."),
-    baud: int | None = option("--baud", "Bits per second of the serial line.", Whole(1)),
+    baud: int | None = option("--baud", "Without --sim: bits per second of the line.", Whole(1)),
     without_missing: bool = flag("--without-missing", "Start even if some boards are missing."),
     rate: str | None = rate_option,
     boards: Boards = together(Boards, "With --sim: "),
@@ -44,13 +44,6 @@ def start(
     from smad.daemon.trace import Trace
     from smad.processes.simulator import simulated_board
 
-    serial = {name: v for name, v in {"--port": port, "--baud": baud}.items() if v is not None}
-    if not simulated:
-        boards.require_none()
-    elif serial:
-        name, value = next(iter(serial.items()))
-        cause = f"{name} and --sim exclude each other"
-        raise ConfigError(cause, value=value, action=f"leave {name} out, or --sim")
     config = boards.configured(path, rate)
     config = with_changes(config, link={"baud": baud}, daemon={"bench": bench})
     if no_realtime:

@@ -27,11 +27,8 @@ from smad.view.terminal.tables import print_table
 def tune(
     *,
     loop: str = argument(click.Choice(["displacement", "temperature"]), default="displacement"),
-    spring: Spring = option(
-        "--spring",
-        "Which spring to heat, for the temperature loop.",
-        click.Choice(["x", "y"]),
-        default="x",
+    spring: Spring | None = option(
+        "--spring", "For the temperature loop: the spring  [default: x]", click.Choice(["x", "y"])
     ),
     trial: bool = flag("--trial/--no-trial", "Try the old and the new gains.", default=True),
     apply: bool = flag("--apply", "Put the new gains in force on the running daemon."),
@@ -53,6 +50,8 @@ def tune(
     from smad.experiments.tuning import tune_bench
     from smad.experiments.tuning_report import facts, gains_table, trial_table
 
+    if spring is not None and loop != "temperature":
+        raise click.UsageError("--spring is for the temperature loop; leave it out")
     if save is not None and save.exists():
         raise CommandError(
             f"{save} exists", action="name a new file, and copy the section from it; nothing moved"
@@ -61,7 +60,7 @@ def tune(
         _ask()
     with ready_client(bench, extra="sim") as connected, progress() as line:
         driver = LiveDriver(connected, who="smad tune", lease_s=lease, progress=line.say)
-        warm = spring if loop == "temperature" else None
+        warm = (spring or "x") if loop == "temperature" else None
         session = tune_bench(connected, driver, warm, trial=trial, apply=apply)
     section = session.tuned.toml()
     if save is not None and not session.worse:

@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 
 from smad import units
+from smad.counted import counted
 
 _BOUND = re.compile(r"Expected `(?:float|int)` (?P<side>[<>]=?) (?P<limit>[-+.0-9e]+)")
 _KIND = re.compile(r"Expected `(?P<wanted>[a-z]+)`, got `(?P<given>[a-z]+)`")
@@ -20,7 +21,7 @@ _KINDS = {
     "null": "nothing",
 }
 """Types of a schema, as a person calls what they allow."""
-_LENGTH = re.compile(r"Expected `array` of length (?P<side>[<>]=?) (?P<limit>\d+)")
+_LENGTH = re.compile(r"Expected `(?P<kind>array|str)` of length (?P<side>[<>]=?) (?P<limit>\d+)")
 _SIDES = {"<=": "at most", ">=": "at least", "<": "below", ">": "above"}
 
 
@@ -30,7 +31,10 @@ def in_words(cause: str) -> str:
     if bound is not None:
         return f"it has to be {_SIDES[bound['side']]} {float(bound['limit']):g}"
     if length := _LENGTH.fullmatch(cause):
-        return f"it has to be a list of {_SIDES[length['side']]} {length['limit']}"
+        side, size = _SIDES[length["side"]], int(length["limit"])
+        if length["kind"] == "array":
+            return f"it has to be a list of {side} {size}"
+        return f"it has to be text of {side} {counted(size, 'character')}"
     kind = _KIND.fullmatch(cause)
     if kind is None or kind["wanted"] not in _KINDS:
         return cause

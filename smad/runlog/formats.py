@@ -40,6 +40,16 @@ def export_axes(
         )
     if wide and len(runs) > 1:
         runs = {"": side_by_side(runs)}
+    named = target.suffix.removeprefix(".")
+    if kind and named in FORMATS and kind != named:
+        raise RunLogError(
+            "the name of the file is that of another format",
+            value=target.name,
+            limit=f"*.{kind}",
+            action="give one of format and name (--to, --output)",
+        )
+    if fps is not None and "lerobot" not in (kind, named):
+        raise RunLogError("frames are those of lerobot", value=fps, action="leave --fps out")
     files: list[Path] = []
     for axis, run in runs.items():
         path = target.with_name(f"{target.stem}.{axis}{target.suffix}") if axis else target

@@ -581,7 +581,7 @@ def test_the_default_configuration_passes_its_own_check(
 def test_options_that_contradict_each_other_are_refused(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    assert "need --sim" in failed(capfd, "start", "--port", "/dev/null", "--speed", "3")
+    assert "--speed needs --sim" in failed(capfd, "start", "--port", "/dev/null", "--speed", "3")
     assert "exclude each other" in failed(capfd, "start", "--sim", "--port", "/dev/null")
     assert "leave --baud out" in failed(capfd, "start", "--sim", "--baud", "115200")
     assert "--port DEVICE" in failed(capfd, "start")

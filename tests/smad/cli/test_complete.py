@@ -23,6 +23,7 @@ def offered(*words: str) -> list[str]:
         (("params", "set", ""), "current_limit_mA"),
         (("run", "fig9"), "fig9-cycle"),
         (("run", "dsc", "al"), "all"),
+        (("run", "rep"), "repeat"),
         (("sim", "--effect", "rtd_"), "rtd_lag"),
         (("gap", "next", "--effect", "rtd_l"), "rtd_lag"),
         (("faults", "explain", "over"), "OVER_TEMPERATURE"),

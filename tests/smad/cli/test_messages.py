@@ -54,6 +54,12 @@ from smad.errors import SmadError
         ("params set jump_cC 40F", "'40F': give it in cC or °C"),
         ("params set cold_cC warm", "'warm' is not a number of cC. See"),
         ("record last --seconds soon", "'soon' is not a number of s"),
+        ("record last --seconds -5", "'-5' is not within 1 to 600 s"),
+        ("heat x 50 --for 1,5s", "'1,5s': a number has a decimal point and no comma, as 1.5."),
+        ("move step -1,5", "'-1,5': a number has a decimal point"),
+        ("health --folder . --limit stroke_mm=nan", "'nan' is not a finite number"),
+        ("health --folder . --limit stroke_mm=8,5", "'8,5': a number has a decimal point"),
+        ("tune --yes --spring y", "--spring is for the temperature loop; leave it out."),
     ],
 )
 def test_a_slip_is_answered_in_words(
@@ -102,6 +108,45 @@ def test_what_is_written_replaces_no_file_that_the_command_reads_or_writes(
     assert (tmp_path / "mine.toml").read_text() == "text"
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("run dsc --jobs 2", "--jobs needs --sim; add --sim, or leave --jobs out."),
+        ("run dsc --sim --air", "--air and --sim exclude each other; leave --air out, or --sim."),
+        ("run dsc --sim --from a.mcap", "--from and --sim exclude"),
+        ("run repeat a.mcap --sim --as-is", "--as-is and --sim exclude"),
+        ("run repeat a.mcap --seed 0", "--seed needs --sim"),
+        ("run endurance --cycles 9 --sim --spring y", "--spring needs --temperature"),
+        ("run endurance --cycles 9 --baseline good", "--baseline needs --every"),
+        ("gap checkup --good . --now . --quick", "--quick needs --baseline"),
+        ("gap checkup --baseline . --now . --out b", "--out and --now exclude"),
+        ("gap next --run pulses --folder a", "--folder needs --sim"),
+        ("gap next --map pyproject.toml", "--map need RUNs"),
+        ("gap plan --mjcf README.md --map README.md --params B", "--mjcf and --params exclude"),
+        ("log plot a.mcap --figure a.svg -o a.html", "--output and --figure exclude"),
+        ("log plot a.mcap --width 90", "--width needs --figure"),
+        ("log list here --folder there", "--folder and PATH exclude"),
+        ("model export a.toml --fmi a.fmu --params B", "--params and MODEL exclude"),
+        ("sim --speed nan", "'nan' is not a finite number"),
+    ],
+)
+def test_an_option_that_would_be_ignored_is_refused(
+    words: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert execute(words.split()) == 2
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", ["design none.toml", "model export none.toml --fmi a.fmu"])
+def test_a_file_that_is_not_there_is_told_with_what_to_give(
+    words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert execute(words.split()) == 1
+    assert (
+        "none.toml cannot be read (No such file or directory); give a " in capsys.readouterr().err
+    )
+
+
 def test_one_of_a_kind_is_told_in_the_singular(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -148,6 +193,7 @@ def test_fault_list_names_every_fault_and_an_unknown_one_is_told_them_too() -> N
         ("Expected `float` <= 1.0", "it has to be at most 1"),
         ("Expected `int` >= 1", "it has to be at least 1"),
         ("Expected `array` of length >= 1", "it has to be a list of at least 1"),
+        ("Expected `str` of length >= 1", "it has to be text of at least 1 character"),
         ("Expected `float` > 0.0", "it has to be above 0"),
         ("Expected `bool`, got `str`", "it has to be true or false, not text"),
         ("Expected `float`, got `null`", "it has to be a number, not nothing"),

@@ -375,7 +375,7 @@ def test_a_unit_needs_its_map(
 ) -> None:
     run = str(run_file(tmp_path / "a.csv", 1))
     for options, words in (
-        (["--fmu", str(unit)], "--fmu and --map belong together"),
+        (["--fmu", str(unit)], "--fmu needs --map"),
         (["--processes", "2"], "--processes needs --fmu or --mjcf"),
     ):
         assert execute(["gap", "diagnose", run, *options]) == 2

@@ -271,6 +271,8 @@ def test_the_command_takes_new_runs_in_once_and_says_what_is_wrong(
     assert "there is no folder" in capsys.readouterr().err
     assert execute(["health", "--folder", str(tmp_path), "--limit", "stroke"]) == 2
     assert "give NAME=VALUE" in capsys.readouterr().err
+    assert execute(["health", "--folder", str(tmp_path), "--limit", "strok=8"]) == 0
+    assert "no row has the quantity of --limit strok" in capsys.readouterr().err
     (tmp_path / "bad.mcap").write_text("no run log")
     ageing.grown(ageing.AGEINGS[0], 0, 1, seed=1, folder=tmp_path)
     append(tmp_path / FILE, [row(n, stroke_mm=10.0) for n in range(12)])

@@ -122,6 +122,25 @@ def test_export_writes_beside_the_log(folder: Path, suffix: str) -> None:
     assert "--overwrite" in str(again.exception)
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("--to csv -o a.parquet", "another format; got a.parquet; allowed: *.csv"),
+        ("-o a.csv --fps 5", "frames are those of lerobot; got 5; leave --fps out"),
+    ],
+)
+def test_an_export_ignores_no_option(folder: Path, words: str, told: str) -> None:
+    refused = invoke("export", folder / "20261120-050709-first.mcap", *words.split())
+    assert isinstance(refused.exception, SmadError)
+    assert told in str(refused.exception)
+
+
+def test_a_log_of_one_axis_is_not_split(folder: Path) -> None:
+    refused = invoke("split", folder / "20261120-050709-first.mcap")
+    assert isinstance(refused.exception, SmadError)
+    assert "of one axis; use it as it is" in str(refused.exception)
+
+
 def test_import_says_what_became_of_each_column(tmp_path: Path) -> None:
     source = tmp_path / "a.csv"
     source.write_text("time_s,x_mm,why\n0,1,a\n1,2,b\n")

@@ -331,8 +331,11 @@ def test_an_uneven_clock_is_replayed_on_an_even_one(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--mjcf", "arm.xml"], "--mjcf and --map belong together"),
-        (["--mjcf", "arm.xml", "--fmu", "arm.xml", "--map", "map.toml"], "one of --fmu and --mjcf"),
+        (["--mjcf", "arm.xml"], "--mjcf needs --map"),
+        (
+            ["--mjcf", "arm.xml", "--fmu", "arm.xml", "--map", "map.toml"],
+            "--fmu and --mjcf exclude each other",
+        ),
         (["--map", "map.toml"], "If it is the map of a simulator, give --fmu or --mjcf, too"),
         (["--window", "3"], "--window needs --mjcf"),
     ],
