@@ -11,6 +11,13 @@ import click
 from click.shell_completion import CompletionItem
 
 Offer = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
+RUN_COMMANDS = {
+    "repeat": "smad.cli.repeat",
+    "six-axes": "smad.cli.robot",
+    "moves": "smad.cli.repeat",
+    "endurance": "smad.cli.run_endurance",
+}
+"""Commands under the name of `smad run`, and their modules."""
 
 
 def _offer(names: Callable[[], Iterable[tuple[str, str]]]) -> Offer:
@@ -39,10 +46,9 @@ def parameters() -> Iterator[tuple[str, str]]:
 
 @_offer
 def experiments() -> Iterator[tuple[str, str]]:
-    from smad.cli.run import OTHERS
     from smad.experiments.registry import EXPERIMENTS
 
-    return ((name, "") for name in (*EXPERIMENTS, "all", *OTHERS))
+    return ((name, "") for name in (*EXPERIMENTS, "all", *RUN_COMMANDS))
 
 
 @_offer

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from smad.cli import complete
+from smad.cli.complete import RUN_COMMANDS
 from smad.cli.options import (
     FILE,
     FOLDER,
@@ -25,14 +26,6 @@ from smad.cli.simulated import seed_option, simulated_model
 from smad.view.terminal.progress import progress
 from smad.view.terminal.tables import print_columns, print_table
 
-OTHERS = {
-    "repeat": "smad.cli.repeat",
-    "six-axes": "smad.cli.robot",
-    "moves": "smad.cli.repeat",
-    "endurance": "smad.cli.run_endurance",
-}
-"""Commands under the name of this one, and their modules."""
-
 
 class _Run(Command):
     """The command, and others under its name: `smad run repeat`, `smad run six-axes`."""
@@ -45,9 +38,9 @@ class _Run(Command):
         **extra: Any,
     ) -> click.Context:
         """Return the context of the one that is meant."""
-        if args and args[0] in OTHERS:
+        if args and args[0] in RUN_COMMANDS:
             name = args[0].replace("-", "_")
-            other: click.Command = getattr(importlib.import_module(OTHERS[args[0]]), name)
+            other: click.Command = getattr(importlib.import_module(RUN_COMMANDS[args[0]]), name)
             return other.make_context(f"{info_name} {args[0]}", args[1:], parent, **extra)
         return super().make_context(info_name, args, parent, **extra)
 

@@ -18,7 +18,7 @@ from evaluation.plant.spent import DROPPED
 
 Array = NDArray[np.float64]
 
-SCALE = np.array([2.3e-3, 2.3e-3, 2.3e-3, 0.05, 0.05, 0.03, 2.5e-3])
+SCALE = np.array([2.3e-3, 2.3e-3, 2.3e-3, 2.3e-3, 0.05, 0.05, 0.03, 2.5e-3])
 """About the noise of each of `SIGNALS`."""
 TRUTH = (Path(__file__).resolve().parents[2] / "docs" / "physics.md").read_text()
 

@@ -146,7 +146,7 @@ def test_the_command_rates_the_inputs_of_a_mujoco_model(
     ("options", "words"),
     [
         ([], "nothing would be played"),
-        (["--experiment", "pulses", "--mjcf", "a", "--map", "a"], "with the spring pair only"),
+        (["--experiment", "pulses", "--mjcf", "a", "--map", "a"], "exclude each other"),
     ],
 )
 def test_a_plan_of_nothing_is_refused(
