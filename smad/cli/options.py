@@ -113,8 +113,8 @@ def _require_others(ctx: click.Context) -> None:
     }
     sources = {name: ctx.get_parameter_source(p.name or "") for name, p in named.items()}
     given = [name for name, source in sources.items() if source not in (default, None)]
-    for own in (name for name in given if sources[name] is typed):
-        lead = (getattr(named[own], "help", None) or "").partition(":")[0]
+    for option_name in (name for name in given if sources[name] is typed):
+        lead = (getattr(named[option_name], "help", None) or "").partition(":")[0]
         needs, excludes = (
             re.findall(_NAME, " ".join(re.findall(rf"{word} {_NAME}(?:(?:, | or ){_NAME})*", lead)))
             if lead.startswith("With")
@@ -123,10 +123,12 @@ def _require_others(ctx: click.Context) -> None:
         )
         if not named.keys().isdisjoint(needs) and set(given).isdisjoint(needs):
             any_of = " or ".join(needs)
-            raise click.UsageError(f"{own} needs {any_of}; add {any_of}, or leave {own} out")
+            raise click.UsageError(
+                f"{option_name} needs {any_of}; add {any_of}, or leave {option_name} out"
+            )
         for other in (name for name in excludes if name in given):
-            cause = f"{own} and {other} exclude each other"
-            raise click.UsageError(f"{cause}; leave {own} out, or {other}")
+            cause = f"{option_name} and {other} exclude each other"
+            raise click.UsageError(f"{cause}; leave {option_name} out, or {other}")
 
 
 class Command(click.Command):

@@ -25,14 +25,14 @@ class PI:
 
     def preset(self, output: float, error: float = 0.0) -> None:
         """Choose the integral so that the next output at `error` is `output` (bumpless change)."""
-        self.integral = self._held(output - self.kp * error)
+        self.integral = self._bounded(output - self.kp * error)
         self._error = error
 
     def retune(self, kp: float) -> None:
         """Take another proportional gain; with an integral gain the output stays as it is."""
-        output = self._held(self.kp * self._error + self.integral)
+        output = self._bounded(self.kp * self._error + self.integral)
         self.kp = kp
-        if self.ki > 0.0 and self._held(kp * self._error + self.integral) != output:
+        if self.ki > 0.0 and self._bounded(kp * self._error + self.integral) != output:
             self.preset(output, self._error)
 
     def step(self, error: float, dt_s: float, feedforward: float = 0.0) -> float:
@@ -45,10 +45,10 @@ class PI:
             integral = self._saturated(1.0, integral, dt_s)
         elif unlimited < self.low:
             integral = self._saturated(-1.0, integral, dt_s)
-        self.integral = self._held(integral)
-        return self._held(proportional + self.integral)
+        self.integral = self._bounded(integral)
+        return self._bounded(proportional + self.integral)
 
-    def _held(self, value: float) -> float:
+    def _bounded(self, value: float) -> float:
         return min(self.high, max(self.low, value))
 
     def _saturated(self, sign: float, integral: float, dt_s: float) -> float:

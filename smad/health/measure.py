@@ -19,7 +19,8 @@ from smad.runlog.reader import Run, read_run
 LEAST_A = 0.3
 LEAST_STROKE_MM = 0.5
 LEAST_SAMPLES = 50
-FIRST = 20
+FIRST_SAMPLES = 20
+"""Of a run that begins cold: their median is where the springs rest. One reading is noise."""
 LEAST_EXCESS_K = 3.0
 """Cooling is fitted while a spring is so much warmer than the water."""
 COOLED_DUTY = 0.5
@@ -68,10 +69,10 @@ def _values(run: Run) -> Iterator[tuple[str, Value]]:
         low, high = np.percentile(finite, (1.0, 99.0))
         if high - low > LEAST_STROKE_MM:
             yield "stroke_mm", Value(float(high - low))
-        heated = any((columns[f"i_applied_{s}_A"][:FIRST] > 0.0).any() for s in "xy")
+        heated = any((columns[f"i_applied_{s}_A"][:FIRST_SAMPLES] > 0.0).any() for s in "xy")
         if run.header.part == 1 and not heated:
             # Where the springs stand before anything was heated.
-            yield "rest_mm", Value(float(np.median(finite[:FIRST])))
+            yield "rest_mm", Value(float(np.median(finite[:FIRST_SAMPLES])))
     force = columns["force_N"][np.isfinite(columns["force_N"])]
     if len(force):
         yield "force_max_N", Value(float(np.percentile(force, 99.0)))

@@ -152,10 +152,10 @@ def _declared(name: str, named: Channels, *, of_ours: bool) -> Declared | None:
 
 
 def _read_beside(source: Path) -> _Beside:
-    own = _in_schema(source)
-    path = source if own else header_path(source)
+    embedded = _in_schema(source)
+    path = source if embedded else header_path(source)
     try:
-        return msgspec.json.decode(own or path.read_bytes(), type=_Beside)
+        return msgspec.json.decode(embedded or path.read_bytes(), type=_Beside)
     except FileNotFoundError:
         return _Beside()
     except OSError as error:
@@ -166,7 +166,7 @@ def _read_beside(source: Path) -> _Beside:
         raise LogImportError(
             f"{path} is not the header of an exported log: {error}",
             action=f"move it away; {source.name} can be imported without"
-            if not own
+            if not embedded
             else f"write the file without the metadata {METADATA_KEY!r}",
         ) from None
 
@@ -177,8 +177,8 @@ def _in_schema(source: Path) -> bytes:
         return b""
     from pyarrow import parquet
 
-    found: bytes = (parquet.read_schema(source).metadata or {}).get(METADATA_KEY.encode(), b"")
-    return found
+    header: bytes = (parquet.read_schema(source).metadata or {}).get(METADATA_KEY.encode(), b"")
+    return header
 
 
 def _header(

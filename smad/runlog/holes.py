@@ -9,11 +9,12 @@ from smad.counted import counted
 RECOVERED_METADATA_NAME = "smad.recovered"
 HOLES = "holes"
 HOLE_STEPS = 2.5
+"""A hole is a step of more usual ones than this; a single lost sample makes a step of two."""
 _MOST = 20
 
 
 def holes_in(t_s: Sequence[float]) -> list[tuple[float, float]]:
-    """The last time before each hole and the first after it: steps over 2.5 usual ones."""
+    """The last time before each hole and the first after it: steps over `HOLE_STEPS` usual ones."""
     if len(t_s) < 3:
         return []
     steps = [(float(a), float(b)) for a, b in pairwise(t_s)]

@@ -15,7 +15,7 @@ from smad.runlog.scan import Damage, Message, scan
 from smad.runlog.schema import TOPICS, Row, row_topic
 from smad.runlog.writer import END_METADATA_NAME, create_log
 
-_KEPT = (END_METADATA_NAME, RECOVERED_METADATA_NAME)
+_COPIED_METADATA = (END_METADATA_NAME, RECOVERED_METADATA_NAME)
 
 
 def extract(path: str | Path, axis: str) -> Path:
@@ -40,7 +40,7 @@ def extract(path: str | Path, axis: str) -> Path:
             for item in scan(source, path.stat().st_size, damage):
                 if isinstance(item, records.Channel) and item.topic in ids:
                     numbers[item.id] = ids[item.topic]
-                elif isinstance(item, records.Metadata) and item.name in _KEPT:
+                elif isinstance(item, records.Metadata) and item.name in _COPIED_METADATA:
                     mcap.write_metadata(item.name, item.metadata)
                 elif isinstance(item, Message) and item.channel_id in numbers:
                     number = numbers[item.channel_id]
@@ -66,5 +66,5 @@ def _with_configuration(header: RunHeader, axis: str) -> RunHeader:
     if not header.configuration:
         return header
     config = parse_config(header.configuration).by_axis()[axis]
-    own = config_to_toml(msgspec.structs.replace(config, axes=(), segments=()))
-    return msgspec.structs.replace(header, configuration=own)
+    of_axis = config_to_toml(msgspec.structs.replace(config, axes=(), segments=()))
+    return msgspec.structs.replace(header, configuration=of_axis)

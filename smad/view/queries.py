@@ -55,13 +55,13 @@ class Queries:
         began_s, ended_s = NO_TIME if read is None else (read.first_s, read.last_s)
         parts: list[tuple[Frame, Moments]] = []
         if from_s < began_s:
-            kept = await of_memory(axis.feed, from_s, min(to_s, began_s), view)
-            parts.append(_between(kept, NO_TIME[1], began_s))
+            remembered = await of_memory(axis.feed, from_s, min(to_s, began_s), view)
+            parts.append(_between(remembered, NO_TIME[1], began_s))
         if read is not None and read.frame.t:
             parts.append((read.frame, read.moments or Moments(0.0, [], [], [[] for _ in view.xy])))
         if read is not None and to_s > ended_s:
-            kept = await of_memory(axis.feed, max(from_s, ended_s), to_s, view)
-            parts.append(_between(kept, ended_s, NO_TIME[0]))
+            remembered = await of_memory(axis.feed, max(from_s, ended_s), to_s, view)
+            parts.append(_between(remembered, ended_s, NO_TIME[0]))
         named = [("memory", from_s < began_s), ("run log", read is not None and read.frame.t)]
         logged = () if read is None else read.marks
         marks = {
@@ -155,9 +155,11 @@ async def of_memory(feed: Feed, from_s: float, to_s: float, view: View) -> tuple
     return Frame(t[0] if t else 0.0, t, curves[1:]), tier.moments_between(from_s, to_s, view.xy)
 
 
-def _between(kept: tuple[Frame, Moments], after_s: float, before_s: float) -> tuple[Frame, Moments]:
+def _between(
+    remembered: tuple[Frame, Moments], after_s: float, before_s: float
+) -> tuple[Frame, Moments]:
     """Return what lies between two times: memory has a neighbour more, which the log has, too."""
-    frame, moments = kept
+    frame, moments = remembered
     part = slice(bisect_right(frame.t, after_s), bisect_left(frame.t, before_s))
     row = slice(bisect_right(moments.t, after_s), bisect_left(moments.t, before_s))
     return (

@@ -58,6 +58,9 @@ class TimeBudget:
 
 
 COMMAND_SHARE = 0.5
+"""Of a core, for the whole loop: what a command costs is spread over it. The kernel stops a
+real-time process that uses all of a core for 50 ms of each second (sched(7)); this is well below.
+"""
 COMMAND_BURST_NS = 5_000_000
 COMMAND_DELAY_MOST_NS = 20_000_000
 
