@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,11 @@ class FirmwareBench(SimulatedBench):
         self, program: Sequence[str], *, store_path: Path | None = None, **options: Any
     ) -> None:
         self._program = tuple(program)
-        self._folder = tempfile.TemporaryDirectory(prefix="smad-firmware-")
-        self._store_path = store_path or Path(self._folder.name) / "store"
+        self._to_remove = ExitStack()
+        if store_path is None:
+            folder = tempfile.TemporaryDirectory(prefix="smad-firmware-")
+            store_path = Path(self._to_remove.enter_context(folder)) / "store"
+        self._store_path = store_path
         self._to_stall = 0
         self._slow_by = 1
         if not self._store_path.parent.is_dir():
@@ -55,7 +59,7 @@ class FirmwareBench(SimulatedBench):
     def close(self) -> None:
         """End the firmware's process."""
         self.board.close()
-        self._folder.cleanup()
+        self._to_remove.close()
 
     def hang(self, seconds: float) -> None:
         """Let the firmware's loop hang; its own watchdog ends what lasts too long."""

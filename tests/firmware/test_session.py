@@ -575,3 +575,13 @@ def test_a_store_of_its_own_keeps_the_count_of_starts(
         counts.append(identity(Loop(bench).connected()).boot_count)
         bench.close()
     assert counts == [1, 2, 3]
+
+
+def test_a_board_with_a_store_of_its_own_leaves_no_folder_when_it_is_killed(
+    make_firmware: MakeFirmware, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    make_firmware(store_path=tmp_path / "store")
+    assert not list(temporary.iterdir())
