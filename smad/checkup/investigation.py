@@ -150,7 +150,7 @@ class Investigation:
     def carry_out(self, progress: Say) -> Report:
         """Play and judge until it is over. What was recorded is kept whatever happens."""
         report = self._report_so_far()
-        names = {r.name for r in self.reference.runs}
+        names = self.reference.names
         quick = [run for run in self.programme.runs if run.quick and run.name in names]
         quick = quick or [self.programme.run(r.name) for r in self.reference.runs[:2]]
         for run in quick[sum(not r.held_out for r in report.records) :]:

@@ -126,7 +126,7 @@ def unpaired_offers(judgement: Judgement, programme: Programme) -> list[Offer]:
     Without a good recording model error does not cancel, so this is an upper bound.
     """
     good = judgement.pairs.good
-    paired_names, floor = {r.name for r in good.runs}, good.floor
+    paired_names, floor = good.names, good.floor
     sd = (floor.gauge * floor.sd.max(axis=1)) * np.sqrt(2.0)
     out = []
     for run in programme.runs:

@@ -93,6 +93,11 @@ class GoodRuns:
     responses: Responses | None = None
     changes: Changes | None = None
 
+    @property
+    def names(self) -> set[str]:
+        """The names of the runs."""
+        return {run.name for run in self.runs}
+
     def parameter_covariance(self, plant: PlantModel) -> Array:
         """Covariance (p, p) of the parameters by the good runs, in prior deviations.
 
