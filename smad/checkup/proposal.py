@@ -5,8 +5,6 @@ variance of a row. 16 is four standard errors if whitened rows are independent; 
 sixteen rows as one, so that it may stay undecided after such a run.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,7 +14,7 @@ from smad.checkup.judge import Judgement
 from smad.checkup.programme import Programme
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.next_run import separation
-from smad.diagnosis.numerics.white import RunRows, Shrink
+from smad.diagnosis.numerics.white import RunRows, shrinking
 from smad.diagnosis.paired.difference import PairedRuns, rows_of
 from smad.diagnosis.paired.good import GoodRun
 from smad.diagnosis.plant import Array
@@ -146,7 +144,7 @@ def _offer(judgement: Judgement, run: str, played: Played, rows: RunRows, slopes
     search = judgement.search
     assert search is not None
     variance = max(search.question.gap(search.final) ** 2, 1.0)
-    plant, point, tie = judgement.pairs.plant, judgement.pairs.good.point, Shrink(slopes)
+    plant, point, tie = judgement.pairs.plant, judgement.pairs.good.point, shrinking(slopes)
     (base,) = predictions(plant, point, [played])
     moves = []
     for rival in judgement.alternatives:
