@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -75,7 +75,10 @@ class GoodRun:
             for c, (channel, good) in enumerate(zip(plant.channels, self.valid.T, strict=True))
             if good.any()
         }
-        return played.with_offsets(offsets)
+        run = replace(played.run, offsets=offsets)
+        if run.whole is not None:
+            run = replace(run, whole=replace(run.whole, offsets=offsets))
+        return replace(played, run=run)
 
 
 @dataclass(frozen=True, kw_only=True)
