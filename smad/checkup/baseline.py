@@ -4,8 +4,6 @@ FOLDER/good-1, good-2 … hold the repeats, each a series; `baseline.json` and i
 are computed from them.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager

@@ -1,7 +1,5 @@
 """A check-up: the runs of now against a baseline, or against files of a good day."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Sequence

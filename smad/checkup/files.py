@@ -1,7 +1,5 @@
 """Runs from files: run logs, and CSV or Parquet of any bench, and which of them are paired."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

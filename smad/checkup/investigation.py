@@ -3,8 +3,6 @@
 Every run is kept under its number, so that an interrupted investigation can continue.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
