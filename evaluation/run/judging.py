@@ -118,7 +118,7 @@ class Check:
 
         def read(run: BankRun) -> GapRun:
             try:
-                gap_run = read_file(self.folder / run.file, together)
+                gap_run = read_file(self.folder / run.file, together).run
             except SmadError as error:
                 raise BankError(f"{self.folder / run.file} cannot be used: {error}") from error
             return replace(gap_run, name=run.file) if names.count(run.name) > 1 else gap_run

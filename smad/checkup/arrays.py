@@ -4,8 +4,6 @@ A file of a few megabytes may claim gigabytes of zeros, text in place of numbers
 not fit each other; it comes from a folder that anybody may have written.
 """
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Mapping
 from math import prod

@@ -4,8 +4,6 @@ FOLDER/good-1, good-2 … hold the repeats, each a series; `baseline.json` and i
 are computed from them.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -48,8 +46,18 @@ def commission(
     early; and what the player raises.
     """
     baseline = _to_extend(folder, plant, programme, bench=bench, again=again, say=say)
+    repeats += 0 if baseline is None else baseline.reference.repeats
     with opened as player:
-        _play_repeats(folder, programme, player, repeats=repeats, baseline=baseline, say=say)
+        while (have := len(finished(good_series(folder), programme))) < repeats:
+            place = folder_for(folder, "good", programme, time.time)
+            originals = None if place.name == FIRST else folder / FIRST
+            number = int(place.name.removeprefix("good-"))
+            if ended := play_series(place, programme, player(number), originals, say):
+                raise BaselineError(
+                    f"{place.name} is not a repeat of {FIRST}, and is left out: {ended}",
+                    value=f"{counted(have, 'repeat')} so far",
+                    action="see what changed on the bench, then give the same command again",
+                )
         groups = _by_run(finished(good_series(folder), programme), programme)
         reference = commissioned(plant, groups, progress=progress)
         save(Baseline(bench, programme.digest, reference), plant, folder)
@@ -64,29 +72,6 @@ def in_words(folder: Path, programme: Programme, reference: GoodRuns) -> str:
         f"baseline {folder}: {counted(len(programme.runs), 'run')} of {minutes:.1f} min in all, "
         f"{counted(reference.repeats, 'repeat')} of each{lacked}"
     )
-
-
-def _play_repeats(
-    folder: Path,
-    programme: Programme,
-    player: Player,
-    *,
-    repeats: int,
-    baseline: Baseline | None,
-    say: Say,
-) -> None:
-    repeats_wanted = repeats + (0 if baseline is None else baseline.reference.repeats)
-    while (have := len(finished(good_series(folder), programme))) < repeats_wanted:
-        place = folder_for(folder, "good", programme, time.time)
-        originals = None if place.name == FIRST else folder / FIRST
-        number = int(place.name.removeprefix("good-"))
-        ended = play_series(place, programme, player(number), originals, say)
-        if ended:
-            raise BaselineError(
-                f"{place.name} is not a repeat of {FIRST}, and is left out: {ended}",
-                value=f"{counted(have, 'repeat')} so far",
-                action="see what changed on the bench, then give the same command again",
-            )
 
 
 def _to_extend(

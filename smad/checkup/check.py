@@ -1,7 +1,5 @@
 """A check-up: the runs of now against a baseline, or against files of a good day."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Sequence
@@ -24,8 +22,8 @@ from smad.checkup.files import (
 from smad.checkup.judge import Judgement, judge_runs
 from smad.checkup.programme import Programme
 from smad.checkup.proposal import Proposal, propose
-from smad.checkup.series import NOW, Play, Player, folder_for, play_series, read_state
-from smad.checkup.store import Baseline, load
+from smad.checkup.series import NOW, Player, folder_for, play_series, read_state
+from smad.checkup.store import load
 from smad.counted import counted
 from smad.diagnosis.errors import PairingError
 from smad.diagnosis.plant import PlantModel
@@ -49,73 +47,32 @@ def check_baseline(
 ) -> Judgement:
     """The verdict over the runs in `now` that the baseline of a folder has.
 
-    Without `now` the programme is played first, into `out`, by the player that `opened` yields.
-    Raises BaselineError where `now` has no run of the baseline, PairingError for runs that cannot
-    be compared, and what the player raises.
+    Without `now` the runs of the programme that the baseline has are played first, by the player
+    that `opened` yields, into `out` or the next of FOLDER/now-1, now-2 …. Raises BaselineError for
+    a baseline of another bench or programme and where `now` has no run of the baseline,
+    PairingError for runs that cannot be compared, and what the player raises.
     """
     baseline, played = load(folder, plant), now is None
+    names = baseline.reference.names
     if now is None:
         with opened as player:
-            now = _played_now(
-                folder, baseline, programme, player(NOW), out=out, bench=bench, say=say
-            )
+            play = player(NOW)
+            require_same(folder, baseline, bench, programme, part=True)
+            # A baseline of the quick part has nothing to compare the other runs with.
+            shared = replace(programme, runs=tuple(r for r in programme.runs if r.name in names))
+            now = out or folder_for(folder, "now", shared, time.time)
+            play_series(now, shared, play, folder / FIRST, say)
         say(f"played into {now}; --now {now} judges these runs again")
-    return _check_folder(
-        folder, baseline, plant, now, recorded_for_it=played, say=say, progress=progress
-    )
-
-
-def _played_now(
-    folder: Path,
-    baseline: Baseline,
-    programme: Programme,
-    play: Play,
-    *,
-    out: Path | None,
-    bench: str,
-    say: Say,
-) -> Path:
-    """Play the runs of the programme that the baseline has, and return the folder they are in.
-
-    That is `out`, or the next of FOLDER/now-1, now-2 …. Raises BaselineError for a baseline of
-    another bench or programme.
-    """
-    require_same(folder, baseline, bench, programme, part=True)
-    # A baseline of the quick part has nothing to compare the other runs with.
-    names = names_in(baseline)
-    programme = replace(programme, runs=tuple(r for r in programme.runs if r.name in names))
-    place = out or folder_for(folder, "now", programme, time.time)
-    play_series(place, programme, play, folder / FIRST, say)
-    return place
-
-
-def names_in(baseline: Baseline) -> set[str]:
-    """The names of the runs that a baseline has."""
-    return {run.name for run in baseline.reference.runs}
-
-
-def _check_folder(
-    folder: Path,
-    baseline: Baseline,
-    plant: PlantModel,
-    now: Path,
-    *,
-    recorded_for_it: bool,
-    say: Say,
-    progress: Say,
-) -> Judgement:
-    """Unless the runs in `now` were `recorded_for_it`, the good ones must not be among them."""
     state = read_state(now)
     if state is not None and state.ended:
         say(f"not all of it was played: {state.ended}")
-    names = names_in(baseline)
     runs = [f for f in read_folder(now) if f.name in names]
     _say_notes(runs, say)
-    if not recorded_for_it:
-        for place in good_series(folder):
-            good = [f for f in read_folder(place) if f.name in {n.name for n in runs}]
-            require_one_bench([*good, *runs])
-            require_other_recordings(good, runs)
+    # Runs that were not recorded for it may be the good ones.
+    for place in () if played else good_series(folder):
+        good = [f for f in read_folder(place) if f.name in {n.name for n in runs}]
+        require_one_bench([*good, *runs])
+        require_other_recordings(good, runs)
     if not runs:
         raise BaselineError(
             f"{now} holds no run of the baseline {folder}",
@@ -139,7 +96,7 @@ def proposed(folder: Path, plant: PlantModel, progress: Say) -> tuple[Judgement,
             f"{folder} holds no check-up yet", action="make one with smad gap checkup --baseline"
         )
     newest = max(places, key=lambda place: place.stat().st_mtime)
-    names = names_in(baseline)
+    names = baseline.reference.names
     # An investigation numbers its runs: 01-run-1, 02-run-2, 03-run-1.
     named = [
         (f.run, f.name if f.name in names else f.name.partition("-")[2])

@@ -1,7 +1,5 @@
 """The good bench of a check-up, computed from the runs of good days."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

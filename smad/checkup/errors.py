@@ -1,7 +1,5 @@
 """Errors of check-ups. Each names the cause, the value, the limit and what to do next."""
 
-from __future__ import annotations
-
 from smad.diagnosis.errors import GapError
 
 

@@ -1,7 +1,5 @@
 """Runs from files: run logs, and CSV or Parquet of any bench, and which of them are paired."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -58,7 +56,7 @@ def read_folder(folder: Path) -> list[RunFile]:
             f"{folder} holds no run file", limit=", ".join(_KINDS), action="put the runs there"
         )
     together = Together()
-    return [_run_file(p, together) for p in paths]
+    return [read_file(p, together) for p in paths]
 
 
 def read_good(folder: Path, say: Say) -> list[RunFile]:
@@ -102,16 +100,12 @@ def _files_below(folder: Path) -> Iterator[Path]:
         yield from (parent / name for name in names)
 
 
-def read_file(path: Path, together: Together | None = None) -> GapRun:
+def read_file(path: Path, together: Together | None = None) -> RunFile:
     """A run of a file; columns are told from their names as `smad log import` does.
 
     Raises RunLogError, LogImportError and GapError, which name the file and what is wrong, and
     where it is one too many of those held `together`.
     """
-    return _run_file(path, together).run
-
-
-def _run_file(path: Path, together: Together | None) -> RunFile:
     run, log = read_recorded(path, together)
     if not len(run.t_s):
         raise PairingError(

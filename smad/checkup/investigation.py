@@ -3,8 +3,6 @@
 Every run is kept under its number, so that an interrupted investigation can continue.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -25,6 +23,7 @@ from smad.diagnosis.answer import gaps_on
 from smad.diagnosis.paired.difference import pair_runs
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.places.bare import with_places
+from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.verdict import QUIET, SignalGap, Verdict
 from smad.errors import refused_by_system
@@ -149,8 +148,11 @@ class Investigation:
 
     def carry_out(self, progress: Say) -> Report:
         """Play and judge until it is over. What was recorded is kept whatever happens."""
-        report = self._report_so_far()
-        names = {r.name for r in self.reference.runs}
+        report, path = Report([]), self.folder / "investigation.json"
+        if path.exists():
+            report = read_report(path)
+            self.say(f"goes on with {counted(len(report.records), 'run')} of {self.folder}")
+        names = self.reference.names
         quick = [run for run in self.programme.runs if run.quick and run.name in names]
         quick = quick or [self.programme.run(r.name) for r in self.reference.runs[:2]]
         for run in quick[sum(not r.held_out for r in report.records) :]:
@@ -181,14 +183,6 @@ class Investigation:
         self._write(report)
         return report
 
-    def _report_so_far(self) -> Report:
-        path = self.folder / "investigation.json"
-        if path.exists():
-            report = read_report(path)
-            self.say(f"goes on with {counted(len(report.records), 'run')} of {self.folder}")
-            return report
-        return Report([])
-
     def _played(self, report: Report, run: ProgrammeRun, why: str, *, held_out: bool) -> Report:
         number = len(report.records) + 1
         self.say(f"{number}: {run.name}, {run.duration_s:.0f} s, {why}")
@@ -205,19 +199,20 @@ class Investigation:
     def _judged(
         self, report: Report, quick: Sequence[ProgrammeRun], progress: Say
     ) -> tuple[Judgement, Proposal]:
-        runs = [(read_file(self.folder / r.file), r.run) for r in report.records if not r.held_out]
+        """The verdict so far, and what to play next if each rest is as long as the longest."""
+        runs = self._recorded(report, held_out=False)
         judgement = judge_runs(self.plant, self.reference, runs, progress=progress)
-        costs = self._costs_s(report)
+        lengths = {run.name: run.duration_s for run in self.programme.runs}
+        rests = [r.took_s - lengths[r.run] for r in report.records if not r.ended]
+        rest = max(rests, default=REST_S)
+        costs = {r.name: lengths[r.name] + rest for r in self.reference.runs}
         reserved = sum(costs[run.name] for run in quick)
         left_s = self.seconds - report.spent_s - reserved
         return judgement, propose(judgement, costs, left_s)
 
-    def _costs_s(self, report: Report) -> dict[str, float]:
-        """Time for each run: its duration and the longest rest so far."""
-        lengths = {run.name: run.duration_s for run in self.programme.runs}
-        rests = [r.took_s - lengths[r.run] for r in report.records if not r.ended]
-        rest = max(rests, default=REST_S)
-        return {r.name: lengths[r.name] + rest for r in self.reference.runs}
+    def _recorded(self, report: Report, *, held_out: bool) -> list[tuple[GapRun, str]]:
+        records = [r for r in report.records if r.held_out == held_out]
+        return [(read_file(self.folder / r.file).run, r.run) for r in records]
 
     def _proved(
         self, report: Report, quick: Sequence[ProgrammeRun], judgement: Judgement
@@ -227,7 +222,7 @@ class Investigation:
             report = self._played(report, run, "for proof", held_out=True)
             if report.records[-1].ended:
                 break
-        runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
+        runs = self._recorded(report, held_out=True)
         pairs = pair_runs(with_places(self.plant), self.reference, runs)
         return msgspec.structs.replace(report, proof=gaps_on(judgement, pairs.evidence()))
 

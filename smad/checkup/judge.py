@@ -4,8 +4,6 @@ A rival predicts the change of a pair by a replay with it minus one without. Flo
 of the residual come from the repeats of the good bench.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -54,51 +54,39 @@ def simulated(model: Model, *, seed: int) -> Iterator[Player]:
         yield player
 
 
-@contextlib.contextmanager
-def live(client: Client, *, bench: str, say: Say, progress: Say) -> Iterator[Player]:
+def live(client: Client, *, bench: str, say: Say, progress: Say) -> Player:
     """The bench of the running daemon, disarmed after each run.
 
     `client` is ready to arm. Each run begins from the same rest: cold, after a stroke of each
     spring. A bench that does not come back to where the recorded run began is played all the same,
     and `say` tells of it.
     """
-    # One client plays all series: another would not know of a stop before it. Between the runs, and
-    # after them, the bench is anybody's: nothing is disarmed that this client has not armed.
-    player = LivePlayer(client, bench=bench, say=say, progress=progress)
-    yield lambda series: player
+    config = parse_config(client.config())
+    board = client.status().board
+    uid = "" if board is None else board.uid
 
-
-class LivePlayer:
-    """Plays runs on the bench of `client`, each under a lease."""
-
-    def __init__(self, client: Client, *, bench: str, say: Say, progress: Say) -> None:
-        self._client = client
-        self._bench = bench
-        self._say = say
-        self._progress = progress
-        self._config = parse_config(client.config())
-        board = client.status().board
-        self._uid = "" if board is None else board.uid
-
-    def __call__(self, run: ProgrammeRun, original: Path | None) -> Recorded:
-        """Play a run, or the one that it repeats, and return where it was recorded."""
+    def play(run: ProgrammeRun, original: Path | None) -> Recorded:
         plan, repeat = _planned(run, original)
         if repeat is not None:
-            repeat.require_fit(self._config)
-            repeat.require_bench(self._uid, self._bench)
+            repeat.require_fit(config)
+            repeat.require_bench(uid, bench)
         driver = RestFirstDriver(
-            self._client,
+            client,
             start=None if repeat is None else repeat.start,
             strokes=True,
-            elsewhere=self._say,
+            elsewhere=say,
             who="smad gap",
             lease_s=LEASE_S,
-            progress=self._progress,
+            progress=progress,
             sleep=time.sleep,
         )
-        began_s = self._client.motion().board_time_s
+        began_s = client.motion().board_time_s
         log, ended = _carried_out(driver, plan, original)
-        return Recorded(log, ended, self._client.motion().board_time_s - began_s)
+        return Recorded(log, ended, client.motion().board_time_s - began_s)
+
+    # One client plays all series: another would not know of a stop before it. Between the runs, and
+    # after them, the bench is anybody's: nothing is disarmed that this client has not armed.
+    return lambda series: play
 
 
 def _carried_out(

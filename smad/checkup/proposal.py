@@ -5,8 +5,6 @@ variance of a row. 16 is four standard errors if whitened rows are independent; 
 sixteen rows as one, so that it may stay undecided after such a run.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,7 +14,7 @@ from smad.checkup.judge import Judgement
 from smad.checkup.programme import Programme
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.next_run import separation
-from smad.diagnosis.numerics.white import RunRows, Shrink
+from smad.diagnosis.numerics.white import RunRows, shrinking
 from smad.diagnosis.paired.difference import PairedRuns, rows_of
 from smad.diagnosis.paired.good import GoodRun
 from smad.diagnosis.plant import Array
@@ -126,7 +124,7 @@ def unpaired_offers(judgement: Judgement, programme: Programme) -> list[Offer]:
     Without a good recording model error does not cancel, so this is an upper bound.
     """
     good = judgement.pairs.good
-    paired_names, floor = {r.name for r in good.runs}, good.floor
+    paired_names, floor = good.names, good.floor
     sd = (floor.gauge * floor.sd.max(axis=1)) * np.sqrt(2.0)
     out = []
     for run in programme.runs:
@@ -146,7 +144,7 @@ def _offer(judgement: Judgement, run: str, played: Played, rows: RunRows, slopes
     search = judgement.search
     assert search is not None
     variance = max(search.question.gap(search.final) ** 2, 1.0)
-    plant, point, tie = judgement.pairs.plant, judgement.pairs.good.point, Shrink(slopes)
+    plant, point, tie = judgement.pairs.plant, judgement.pairs.good.point, shrinking(slopes)
     (base,) = predictions(plant, point, [played])
     moves = []
     for rival in judgement.alternatives:

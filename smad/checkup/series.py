@@ -4,8 +4,6 @@ A log appears under its run's name once the run has ended. An interrupted series
 last finished run.
 """
 
-from __future__ import annotations
-
 import contextlib
 import shutil
 import time

@@ -4,8 +4,6 @@
 `reference.npz` holds the arrays.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import zlib

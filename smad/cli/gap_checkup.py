@@ -47,11 +47,8 @@ class _Bench:
             with simulated(simulated_model(effects), seed=self.seed) as player:
                 yield player
             return
-        with (
-            ready_client(self.bench, extra="gap") as connected,
-            live(connected, bench=self.bench, say=line.note, progress=line.say) as player,
-        ):
-            yield player
+        with ready_client(self.bench, extra="gap") as connected:
+            yield live(connected, bench=self.bench, say=line.note, progress=line.say)
 
 
 @click.command(cls=Command)

@@ -161,7 +161,7 @@ def _of_withdrawn(search: Search) -> list[str]:
 
 def _entered(search: Search) -> list[tuple[Step, Rival]]:
     """The steps by which parts entered, each with its rival; empty if all were withdrawn."""
-    if search.final.fit is None or not search.final.fit.model.parts:
+    if not search.parts:
         return []
     return [(s, r) for s in search.steps if (r := s.entered) is not None and r.has_part]
 
@@ -223,6 +223,10 @@ def _table(
     standard deviations, which take many exact replays.
     """
     plant = question.model.plant
+
+    def order(r: Rival) -> tuple[float, float]:
+        return -r.probability * (round(r.probability, 2) > 0.0), question.gap(r)
+
     listed = [r for k, r in enumerate(rivals) if k < _ROWS or not r.has_part or r.name in named]
     counts = question.judged.counts.sum(axis=0)
     titles = {e.name: e.title for e in question.effects}
@@ -242,13 +246,8 @@ def _table(
                 if counts[i] > 0
             },
         )
-        for r in sorted(listed, key=lambda r: (-r.probability * _shown(r), question.gap(r)))
+        for r in sorted(listed, key=order)
     ]
-
-
-def _shown(rival: Rival) -> bool:
-    """Whether its probability prints as more than 0.00."""
-    return round(rival.probability, 2) > 0.0
 
 
 def _values(rival: Rival, precision: Precision | None) -> list[EffectValue]:
@@ -287,7 +286,7 @@ def _cause(
     stayed = step.entered is not None and part.name == step.entered.name
     place = _place_of(part.places, laws if stayed else ())
     credible = credible_set(names, level)
-    beside = next((r.fit.model.parts[:-1] for r in of_parts if r.fit is not None), ())
+    beside = next((r.parts[:-1] for r in of_parts), ())
     played = question.evidence.played if law else []
     trajectories = [plant.trajectory(fitted.point, p.run, fast=True) for p in played]
     return Cause(
@@ -379,8 +378,7 @@ def _models(
     question: Question, precision: Precision, stages: Sequence[Rival], note: str
 ) -> list[str]:
     """Model files as text: with fitted parameters, with each cause; none without `SavesModel`."""
-    plant = question.model.plant
-    writer = plant if isinstance(plant, SavesModel) else unwrapped(plant)
+    writer = unwrapped(question.model.plant)
     if not isinstance(writer, SavesModel):
         return []
     out = []

@@ -6,8 +6,6 @@ was added to is fitted again, to the runs with all inputs moved by a row. If tha
 every rival of the step, the record is in doubt rather than the simulator.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from smad.diagnosis.questions import AdmittedRuns
@@ -40,7 +38,7 @@ def moved_inputs(admitted: AdmittedRuns, search: Search) -> str:
             moved = _fitted_again(question, search, before)
             if moved is None or search.question.ranked([*step.rivals, moved])[0].fit != moved.fit:
                 continue
-            model = " and ".join(["other values of the parameters", *_part_names(moved)])
+            model = " and ".join(["other values of the parameters", *(p.name for p in moved.parts)])
             left, unmoved = (f"{search.question.gap(r):.2g}" for r in (moved, before))
             return (
                 f"all inputs are one row {words}? With {model} they leave {left} floors if they "
@@ -48,10 +46,6 @@ def moved_inputs(admitted: AdmittedRuns, search: Search) -> str:
             )
         before = step.entered
     return ""
-
-
-def _part_names(rival: Rival) -> Sequence[str]:
-    return [part.name for part in rival.fit.model.parts] if rival.fit else []
 
 
 def _with_moved_inputs(admitted: AdmittedRuns, search: Search, rows: int) -> Question:

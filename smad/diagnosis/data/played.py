@@ -72,13 +72,6 @@ class Played:
             period_s=period_s,
         )
 
-    def with_offsets(self, offsets: Mapping[str, tuple[Array, Array]]) -> Played:
-        """The same with `offsets` of the sensors, see `GapRun`."""
-        run = replace(self.run, offsets=offsets)
-        if run.whole is not None:
-            run = replace(run, whole=replace(run.whole, offsets=offsets))
-        return replace(self, run=run)
-
     def means(self, series: Array, *, exact: bool = False) -> Array:
         """Means of series over its samples (m, n) in each bin, (m, bins).
 

@@ -6,7 +6,7 @@ each channel, and shrunk along the directions in which days differ. Missing rows
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,24 +18,14 @@ _LEAST_DIRECTION = 1e-6
 _DAY_FORM = 0.4
 
 
-@dataclass(frozen=True)
-class Shrink:
-    """Applies (I + DᵀD)^(−1/2), (n, n), to rows, for directions D given as rows (k, n)."""
-
-    directions: Array
-
-    @cached_property
-    def _parts(self) -> tuple[Array, Array]:
-        # Through the small matrix of inner products: there are few directions and many rows.
-        square, inner = np.linalg.eigh(self.directions @ self.directions.T)
-        keep = square > _LEAST_DIRECTION
-        basis = (inner[:, keep].T @ self.directions) / np.sqrt(square[keep])[:, None]
-        return basis, 1.0 - 1.0 / np.sqrt(1.0 + square[keep])
-
-    def __call__(self, values: Array) -> Array:
-        """`values` (m, n), shrunk along the directions."""
-        basis, factor = self._parts
-        return np.asarray(values - ((values @ basis.T) * factor) @ basis)
+def shrinking(directions: Array) -> Callable[[Array], Array]:
+    """A function that applies (I + DᵀD)^(−1/2) to rows (m, n), for directions D given as (k, n)."""
+    # Through the small matrix of inner products: there are few directions and many rows.
+    square, inner = np.linalg.eigh(directions @ directions.T)
+    keep = square > _LEAST_DIRECTION
+    basis = (inner[:, keep].T @ directions) / np.sqrt(square[keep])[:, None]
+    factor = 1.0 - 1.0 / np.sqrt(1.0 + square[keep])
+    return lambda values: np.asarray(values - ((values @ basis.T) * factor) @ basis)
 
 
 def with_day_form(sd: Array, day: Array, day_sd: Array) -> Array:
@@ -105,6 +95,6 @@ class RunRows:
         return np.asarray(self.independent(self.day) * self.day_sd[:, None])
 
     @cached_property
-    def shrink(self) -> Shrink:
+    def shrink(self) -> Callable[[Array], Array]:
         """Shrinks rows along the day directions."""
-        return Shrink(self.days)
+        return shrinking(self.days)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -75,7 +75,10 @@ class GoodRun:
             for c, (channel, good) in enumerate(zip(plant.channels, self.valid.T, strict=True))
             if good.any()
         }
-        return played.with_offsets(offsets)
+        run = replace(played.run, offsets=offsets)
+        if run.whole is not None:
+            run = replace(run, whole=replace(run.whole, offsets=offsets))
+        return replace(played, run=run)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +95,11 @@ class GoodRuns:
     repeats: int
     responses: Responses | None = None
     changes: Changes | None = None
+
+    @property
+    def names(self) -> set[str]:
+        """The names of the runs."""
+        return {run.name for run in self.runs}
 
     def parameter_covariance(self, plant: PlantModel) -> Array:
         """Covariance (p, p) of the parameters by the good runs, in prior deviations.

@@ -12,8 +12,8 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from sim_device.plant import Law, basis
-from smad.diagnosis.places.place import BOTH, Forceable, Forcing, Place, PlacesPlant
+from sim_device.plant import Law
+from smad.diagnosis.places.place import BOTH, Forceable, Forcing, Place, PlacesPlant, law_series
 from smad.diagnosis.plant import Array, ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 
@@ -121,10 +121,6 @@ class BarePlaces:
                 out[channel] = out[channel] + series
         return out
 
-    def begun_otherwise(self, point: ModelPoint, run: GapRun) -> Iterable[dict[str, Array]]:
-        """See `InWindows`; empty for a plant that is not replayed in windows."""
-        return self.plain.begun_otherwise(point, run) if isinstance(self.plain, InWindows) else ()
-
     def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
         """See `PlantModel`; laws of the point are in force."""
         bare = replace(point, laws=())
@@ -138,7 +134,7 @@ class BarePlaces:
         for law in point.laws:
             if law.place.startswith(READING):
                 channel = law.place.removeprefix(READING)
-                out[channel] = out[channel] + _value(law, states, run)
+                out[channel] = out[channel] + law_series(self, law, states, run.t_s)
         return out
 
     def _agreed(
@@ -161,7 +157,7 @@ class BarePlaces:
             states, more = self._states(run, replay), dict.fromkeys(names, np.zeros(len(run.t_s)))
             for law in laws:
                 name = law.place.removeprefix(INPUT)
-                more[name] = more[name] + _value(law, states, run)
+                more[name] = more[name] + law_series(self, law, states, run.t_s)
             return np.concatenate([more[n] for n in names])
 
         # The measured states are the best start for a right law.
@@ -225,12 +221,6 @@ def _measured(run: GapRun, replay: Mapping[str, Array]) -> dict[str, Array]:
     return {
         n: y if np.isfinite(y := run.outputs.get(n, replay[n])).all() else replay[n] for n in replay
     }
-
-
-def _value(law: Law, states: Mapping[str, Array], run: GapRun) -> Array:
-    """Values of a law on a trajectory, (n,)."""
-    X = basis(states, law.terms, run.t_s)
-    return np.asarray(X @ np.array([t.coefficient for t in law.terms]))
 
 
 def _pushed(run: GapRun, more: Mapping[str, Array]) -> GapRun:

@@ -8,6 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
+from sim_device.plant import Law, basis
 from smad.diagnosis.plant import Array, ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 
@@ -85,3 +88,14 @@ def states_seen(
 ) -> dict[str, Array]:
     """States of a trajectory, (n,) each, as the place sees them on the first side of `side`."""
     return plant.seen(place, single_sides(place_named(plant, place), side)[0], states)
+
+
+def law_values(plant: Forceable, law: Law, states: Mapping[str, Array], t_s: Array) -> Array:
+    """Basis functions of a law's terms on a trajectory, (n, k), as its first side sees it."""
+    return basis(states_seen(plant, law.place, law.side, states), law.terms, t_s)
+
+
+def law_series(plant: Forceable, law: Law, states: Mapping[str, Array], t_s: Array) -> Array:
+    """Values of a law on a trajectory, (n,), in the unit of the place."""
+    X = law_values(plant, law, states, t_s)
+    return np.asarray(X @ np.array([t.coefficient for t in law.terms]))

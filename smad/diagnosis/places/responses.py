@@ -12,12 +12,19 @@ from itertools import accumulate
 
 import numpy as np
 
-from sim_device.plant import Law, Term, basis, joined, terms_over
+from sim_device.plant import Law, Term, joined, terms_over
 from sim_device.plant.errors import PlantError
 from smad.diagnosis.data.played import Played, finite
 from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.places.bare import BarePlaces
-from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, single_sides, states_seen
+from smad.diagnosis.places.place import (
+    BOTH,
+    Forcing,
+    Place,
+    PlacesPlant,
+    law_values,
+    single_sides,
+)
 from smad.diagnosis.plant import Array, Index, ModelPoint, Singles, traits_of
 from smad.progress import Say, silent
 
@@ -134,17 +141,6 @@ def _support(
                 low, high = out.get(name, (np.inf, -np.inf))
                 out[name] = min(low, float(values.min())), max(high, float(values.max()))
     return out
-
-
-def law_values(plant: PlacesPlant, law: Law, states: Mapping[str, Array], t_s: Array) -> Array:
-    """Basis functions of a law's terms on a trajectory, (n, k), as its first side sees it."""
-    return basis(states_seen(plant, law.place, law.side, states), law.terms, t_s)
-
-
-def law_series(plant: PlacesPlant, law: Law, states: Mapping[str, Array], t_s: Array) -> Array:
-    """Values of a law on a trajectory, (n,), in the unit of the place."""
-    X = law_values(plant, law, states, t_s)
-    return np.asarray(X @ np.array([t.coefficient for t in law.terms]))
 
 
 def responses(

@@ -10,8 +10,7 @@ import numpy as np
 
 from sim_device.plant import Law
 from smad.diagnosis.answer import Answer
-from smad.diagnosis.places.place import BOTH, PlacesPlant, states_seen
-from smad.diagnosis.places.responses import law_series
+from smad.diagnosis.places.place import BOTH, PlacesPlant, law_series, states_seen
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.rivals.evidence import with_drifts
 from smad.diagnosis.rivals.fit import replayed

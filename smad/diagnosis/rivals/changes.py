@@ -3,8 +3,6 @@
 They are computed once at a reference point; those of a baseline are stored with it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

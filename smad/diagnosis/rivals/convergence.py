@@ -1,7 +1,5 @@
 """Carry a fit on to convergence: with fresh slopes, by exact replays, from several starts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

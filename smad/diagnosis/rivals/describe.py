@@ -1,7 +1,5 @@
 """Rivals, places and laws in words, with units."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -20,16 +18,15 @@ _ALIKE = 0.95
 
 def rival_words(plant: PlacesPlant, rival: Rival) -> str:
     """A row of the table of rivals."""
-    parts = rival.fit.model.parts if rival.fit is not None else ()
     if rival.kind == EFFECT:
         return rival.name
     if rival.kind == LAW:
-        return part_words(plant, parts[-1])
+        return part_words(plant, rival.parts[-1])
     if rival.kind == PARAMETERS:
         return "parameters alone"
     if rival.fit is None:
         return "the simulator as configured"
-    return "nothing more" if parts else "day-to-day variation alone"
+    return "nothing more" if rival.parts else "day-to-day variation alone"
 
 
 def part_words(plant: PlacesPlant, part: Part) -> str:

@@ -16,8 +16,8 @@ import numpy as np
 
 from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.rows import binned, steps_in_gaps
-from smad.diagnosis.numerics.white import RunRows, Shrink, lag_one_correlation
-from smad.diagnosis.places.bare import BarePlaces
+from smad.diagnosis.numerics.white import RunRows, lag_one_correlation, shrinking
+from smad.diagnosis.places.bare import InWindows, unwrapped
 from smad.diagnosis.places.place import Forcing, PlacesPlant, place_named
 from smad.diagnosis.plant import Array, Index, ModelPoint, traits_of
 from smad.diagnosis.runs import GapRun
@@ -182,7 +182,7 @@ class Evidence:
         """A function that multiplies rows (m, n) by √`weight` and marginalises the drifts."""
         root = np.sqrt(weight)
         pairs = zip(self.spans, self.drift_directions, strict=True)
-        shrinks = [(span, Shrink(D * root[span])) for span, D in pairs if len(D)]
+        shrinks = [(span, shrinking(D * root[span])) for span, D in pairs if len(D)]
 
         def of(values: Array) -> Array:
             out = values * root
@@ -324,7 +324,7 @@ def drift_directions(plant: PlacesPlant, point: ModelPoint, played: Played) -> A
             column[before + 1 : after] = column[after]
             stepped = whole.with_columns(inputs={name: column})
             drifts.append(readings(stepped, {}, exact=True) - exact_base)
-    if isinstance(plant, BarePlaces):
-        begun = plant.begun_otherwise(point, run)
+    if isinstance(plain := unwrapped(plant), InWindows):
+        begun = plain.begun_otherwise(point, run)
         drifts += [played.on_grid(outputs, plant.channels) - base for outputs in begun]
     return np.array(drifts).reshape(-1, *base.shape)

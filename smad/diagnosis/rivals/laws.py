@@ -4,8 +4,6 @@ Terms are selected by their linear responses at a reference, with the parameters
 is then fitted and judged by replay like any other rival.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from smad.diagnosis.numerics.forward import FoldRows, Forward, fitted, forward

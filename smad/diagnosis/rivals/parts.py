@@ -213,10 +213,6 @@ class Model:
         """The model with other parts."""
         return replace(self, parts=tuple(parts))
 
-    def with_precision(self, precision: Array) -> Model:
-        """The model with another prior precision (p, p) of the parameters."""
-        return replace(self, parameter_precision=precision)
-
     def log_prior(self, x: Array) -> float:
         """Log density of the parameters' prior at coordinates `x`, less that at its mean."""
         off = x[: self.parameters]

@@ -31,7 +31,7 @@ from smad.diagnosis.rivals.fit import (
     reference_of,
     replayed,
 )
-from smad.diagnosis.rivals.parts import Model
+from smad.diagnosis.rivals.parts import Model, Part
 from smad.diagnosis.rivals.score import (
     EFFECT,
     LAW,
@@ -85,11 +85,14 @@ class Rival:
         return self.kind in (EFFECT, LAW)
 
     @property
+    def parts(self) -> tuple[Part, ...]:
+        """The parts of its model, the last of which it was made for if it `has_part`."""
+        return self.fit.model.parts if self.fit is not None else ()
+
+    @property
     def places(self) -> tuple[str, ...]:
         """Where its last part acts; empty for a rival without a part."""
-        if not self.has_part or self.fit is None:
-            return ()
-        return self.fit.model.parts[-1].places
+        return self.parts[-1].places if self.has_part and self.parts else ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -24,8 +24,6 @@ All are averaged over resampled runs (BayesBag, Huggins and Miller 2023), so tha
 decides.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import combinations_with_replacement

@@ -8,15 +8,13 @@ where a replay leaves least. An effect without a strength is always fitted, sinc
 of it means nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from smad.diagnosis.numerics.bounded import bounded_step
-from smad.diagnosis.numerics.white import Shrink
+from smad.diagnosis.numerics.white import shrinking
 from smad.diagnosis.plant import Array, Effect, EffectParameter
 from smad.diagnosis.rivals.changes import Change
 from smad.diagnosis.rivals.evidence import Evidence, weights
@@ -54,7 +52,7 @@ def marginaliser(evidence: Evidence, reference: Reference) -> Callable[[Array], 
     _, precision = reference.model.prior
     root = np.linalg.cholesky(np.linalg.inv(precision[:count, :count]))
     whitening = evidence.whitening(weight)
-    shrink = Shrink(whitening(root.T @ reference.slopes))
+    shrink = shrinking(whitening(root.T @ reference.slopes))
     return lambda values: shrink(whitening(values))
 
 
@@ -62,10 +60,8 @@ def marginal_variances(evidence: Evidence, reference: Reference) -> Callable[[Ar
     """A function that gives the mean square of rows (n,) by channel, in floors, (channels,), with
     the coordinates of the reference marginalised."""
     weight = weights(evidence, evidence.residual(reference.exact))
-    marginalised, root = (
-        marginaliser(evidence, reference),
-        np.sqrt(np.where(weight > 0.0, weight, 1.0)),
-    )
+    root = np.sqrt(np.where(weight > 0.0, weight, 1.0))
+    marginalised = marginaliser(evidence, reference)
     return lambda rows: evidence.variances(marginalised(rows[None])[0] / root)
 
 

@@ -99,7 +99,7 @@ class Search:
     def start(cls, question: Question, exchange: bool, laws: bool) -> Search:
         """A search before its first step: the parameters are fitted. Raises GapError."""
         e, free = question.evidence, question.model
-        tied = free if question.tied is None else free.with_precision(question.tied)
+        tied = free if question.tied is None else replace(free, parameter_precision=question.tied)
         zero = np.zeros(free.parameters)
         question.say("parameters")
         nominal = reference_at(e, tied, zero)
@@ -133,7 +133,7 @@ class Search:
     @property
     def parts(self) -> tuple[Part, ...]:
         """The parts that have entered."""
-        return self.final.fit.model.parts if self.final.fit is not None else ()
+        return self.final.parts
 
     def step(self) -> Step:
         """Fit and compare the rivals beside `final`; the likeliest may enter."""
@@ -231,14 +231,15 @@ class Search:
         if fitted is None or not self.parts:
             return self.parameters
         if self.free is None and (base := reference_of(self.question.evidence, fitted)):
-            free = fitted.model.with_precision(self.question.model.parameter_precision)
+            precision = self.question.model.parameter_precision
+            free = replace(fitted.model, parameter_precision=precision)
             self.free = self.question.fitted(PARAMETERS, PARAMETERS, replace(base, model=free))
         return self.free
 
     def _exchange_parts(self, current: Rival) -> Rival:
         """The model with each part before its last exchanged for a better one, the others kept."""
         question = self.question
-        count = len(current.fit.model.parts) if current.fit is not None else 0
+        count = len(current.parts)
         for i in range(count - 1):
             fitted = current.fit
             if fitted is None or question.at_floor(current):
@@ -254,10 +255,10 @@ class Search:
             if not part.has_strength:
                 # What is there or not promises nothing in a linear picture, but has been fitted.
                 gain = without.objective - fitted.objective
-            fits = CompetingFits(question, without=np.inf)
+            fits = CompetingFits(question, EFFECT, without=np.inf)
             better = [s for s in candidates if s.gain > gain]
             for effect, start in best_starts(question.evidence, base, better):
-                fits.begin(EFFECT, base, effect, start)
+                fits.begin(base, effect, start)
             # The part that is asked is the last one of each rival.
             incumbent = replace(current, kind=EFFECT, name=name, fit=fitted.of_parts([*others, i]))
             ranked = question.ranked([incumbent, *fits.rivals()])
@@ -284,7 +285,7 @@ class Search:
             entered = self.steps[k].entered
             assert fitted is not None
             assert entered is not None
-            if entered.fit and [p.name for p in entered.fit.model.parts] == names[:count]:
+            if entered.fit and [p.name for p in entered.parts] == names[:count]:
                 continue
             base = reference_of(e, fitted.of_parts(range(count)))
             refitted = base and self.question.fitted(entered.kind, entered.name, base, near=True)
@@ -335,18 +336,18 @@ class Search:
         if base is None:
             return []
         without = question.gap(current)
-        fits = CompetingFits(question, without=without)
+        fits = CompetingFits(question, EFFECT, without=without)
         references = [base]
         if self.moved and not self.parts:
             # Parameters that have moved to imitate an effect hide it.
             references.append(replace(self.nominal, model=base.model))
         for reference in references:
             for effect, start in best_starts(e, reference, self._screen(reference)):
-                fits.begin(EFFECT, reference, effect, start)
+                fits.begin(reference, effect, start)
         for part, start in chain(
             _halfway_starts(self.imitated_effects, base), self._starts_of_last_step(base)
         ):
-            fits.begin(EFFECT, base, part, start)
+            fits.begin(base, part, start)
         rivals = fits.rivals()
         best = max(rivals, key=lambda r: r.scores.sum(), default=None)
         if not self.laws or (best is not None and question.at_floor(best)):
@@ -356,10 +357,10 @@ class Search:
             plant, point = base.model.plant, base.model.point(base.x)
             self.responses = responses(plant, point, e.played, progress=question.say)
         present = {part.name for part in base.model.parts}
-        laws = CompetingFits(question, without=without, least_objective=fits.least_objective)
+        laws = CompetingFits(question, LAW, without, fits.least_objective)
         for law, start in selected_laws(e, base, self.responses)[:_LAWS]:
             if law.name not in present:
-                laws.begin(LAW, base, law, np.r_[base.x, start])
+                laws.begin(base, law, np.r_[base.x, start])
         return rivals + laws.rivals()
 
     def _starts_of_last_step(self, base: Reference) -> Iterator[tuple[EffectPart, Array]]:

@@ -4,8 +4,6 @@ An effect of strength s adds s²·a_c to the mean square of channel c, with the 
 marginalised. It is detected once that costs a model without it the log prior odds against it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

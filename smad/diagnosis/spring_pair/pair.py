@@ -31,7 +31,7 @@ from smad.diagnosis.plant import (
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import catalogue, signals
 from smad.diagnosis.spring_pair.recorded import recorded
-from smad.diagnosis.spring_pair.replays import GivenPoint, GivenRun, OneReplay
+from smad.diagnosis.spring_pair.replays import GivenPoint, GivenRun
 
 _POINTS = 64
 _RUNS = 64
@@ -180,7 +180,7 @@ class SmaPlant:
 
         Raises PlantError where the plant refuses the point or cannot solve it, as `forced` does.
         """
-        return self._replay(point, run, fast=fast).trajectory()
+        return self._given_run(run).trajectory(self._given_point(point), fast=fast)
 
     def seen(self, place: str, side: str, states: Mapping[str, Array]) -> dict[str, Array]:
         """States as a place sees them on a side, by the names of `sim_device.plant.places`."""
@@ -195,10 +195,7 @@ class SmaPlant:
         self, point: ModelPoint, run: GapRun, forcing: Forcing, *, fast: bool = False
     ) -> dict[str, Array]:
         """Channels of the run in open loop under a forcing, see `smad.diagnosis.places.place`."""
-        return self._replay(point, run, fast=fast).forced(forcing)
-
-    def _replay(self, point: ModelPoint, run: GapRun, *, fast: bool) -> OneReplay:
-        return OneReplay(point=self._given_point(point), run=self._given_run(run), fast=fast)
+        return self._given_run(run).forced(self._given_point(point), forcing, fast=fast)
 
     def catalogue(self) -> Sequence[Experiment]:
         return tuple(

@@ -5,7 +5,6 @@ point alone is computed once (`GivenRun`, `GivenPoint`) and cached.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -67,7 +66,7 @@ class GivenPoint:
 
 
 class GivenRun:
-    """A recorded run as replays take it."""
+    """A recorded run, and its replays."""
 
     def __init__(self, run: GapRun) -> None:
         self.run = run
@@ -122,62 +121,51 @@ class GivenRun:
             drain=both("drain_{}") if "drain_x" in run.inputs and "drain_y" in run.inputs else None,
         )
 
-
-@dataclass(frozen=True, kw_only=True)
-class OneReplay:
-    """The replay of one run at one model point."""
-
-    point: GivenPoint
-    run: GivenRun
-    fast: bool
-
-    def forced(self, forcing: Forcing) -> dict[str, Array]:
+    def forced(self, point: GivenPoint, forcing: Forcing, *, fast: bool) -> dict[str, Array]:
         """Channels under a forcing, (n,) each, under the names and in the units of the run log.
 
         A spring of another resistance is simulated with a current that gives the same heat; current
         and voltage are converted back.
         """
-        point, result = self.point, self._solved(forcing)
+        result = self._solved(point, forcing, fast=fast)
         out = {f"i_meas_{s}_A": result[f"i_{s}_A"] / point.root[s] for s in "xy"}
         out |= {f"v_{s}_V": result[f"v_{s}_V"] * point.root[s] for s in "xy"}
         out |= {k: result[k] for k in result if k.startswith("rtd_")}
         out["force_N"] = result["force_N"]
         return out | {"displacement_mm": 1e3 * result["displacement_m"] + point.zero_mm}
 
-    def trajectory(self) -> dict[str, Array]:
+    def trajectory(self, point: GivenPoint, *, fast: bool) -> dict[str, Array]:
         """All states that a law may depend on, (n,) each."""
-        inputs = self.run.inputs(self.point)
-        replay = Replay(inputs, variant=self.point.variant, forcing=self.run.offsets(inputs.t_s))
-        dt_s = self._quick_s if self.fast else STEP_S
-        return trajectory(replay, self.point.setup, dt_s=dt_s)
+        inputs = self.inputs(point)
+        replay = Replay(inputs, variant=point.variant, forcing=self.offsets(inputs.t_s))
+        return trajectory(replay, point.setup, dt_s=self._quick_s if fast else STEP_S)
 
     @property
     def _quick_s(self) -> float:
         """One step a sample, jittered ones too."""
-        return max(_FAST_STEP_S, 1.5 * self.run.run.dt_s)
+        return max(_FAST_STEP_S, 1.5 * self.run.dt_s)
 
-    def _solved(self, forcing: Forcing) -> dict[str, Array]:
+    def _solved(self, point: GivenPoint, forcing: Forcing, *, fast: bool) -> dict[str, Array]:
         """Outputs of the plant, those of a thinned run as means over its samples.
 
         Currents are in force over a sample already, and voltages go with their means.
         """
-        run, steps = self.run.run, None if self.fast else self.run.steps(forcing)
-        dt_s = self._quick_s
+        steps, dt_s = None if fast else self.steps(forcing), self._quick_s
         if steps is not None:
             dt_s = LONGEST_STEP_S
             forcing = {key: np.asarray(series)[steps.sample] for key, series in forcing.items()}
-        inputs = self.run.inputs(self.point, steps)
-        offsets = self.run.offsets(inputs.t_s)
+        inputs = self.inputs(point, steps)
+        offsets = self.offsets(inputs.t_s)
         forcing = {**forcing, **{key: x + forcing.get(key, 0.0) for key, x in offsets.items()}}
-        replay = Replay(inputs, variant=self.point.variant, forcing=forcing, outputs=_OUTPUTS)
+        replay = Replay(inputs, variant=point.variant, forcing=forcing, outputs=_OUTPUTS)
         for share in _RETRIES:
             try:
-                result = replay.run_setup(self.point.setup, dt_s=share * dt_s)
+                result = replay.run_setup(point.setup, dt_s=share * dt_s)
             except SolverError as error:
                 failed = error
             else:
                 result = result if steps is None else steps.at_samples(result)
-                if run.whole is None:
+                if self.run.whole is None:
                     return result
-                return result | {k: means_over_pieces(run, result[k]) for k in _READINGS}
+                return result | {k: means_over_pieces(self.run, result[k]) for k in _READINGS}
         raise failed

@@ -13,7 +13,8 @@ import pytest
 
 from sim_device.plant.models import built_in
 from smad import api
-from smad.checkup.play import LivePlayer, simulated
+from smad.checkup.play import live, simulated
+from smad.checkup.series import NOW, Play
 from smad.experiments.driver import log_path
 from smad.experiments.errors import TrippedError
 from smad.runlog.reader import read_run
@@ -52,8 +53,8 @@ def client(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Tripping:
     return own
 
 
-def player(client: Any) -> LivePlayer:
-    return LivePlayer(client, bench="bench", say=print, progress=print)
+def player(client: Any) -> Play:
+    return live(client, bench="bench", say=print, progress=print)(NOW)
 
 
 def test_a_repeat_that_trips_is_kept_as_far_as_it_goes(client: Tripping, tmp_path: Path) -> None:

@@ -62,8 +62,9 @@ class Steady:
 def test_a_fit_is_steadied_only_where_the_part_then_explains_something(
     steady: float, taken: float
 ) -> None:
-    fits = CompetingFits(cast(Any, Steady(steady)), without=15.0)
-    made = fits._likelier_refit(cast(Any, Leaving(10.0)), "law", "law:input", cast(Any, None))
+    by_name = {"law:input": cast(Any, None)}
+    fits = CompetingFits(cast(Any, Steady(steady)), "law", without=15.0, by_name=by_name)
+    made = fits._likelier_refit(cast(Any, Leaving(10.0)), "law:input")
     assert cast(Any, made).floors == taken
 
 
