@@ -85,6 +85,18 @@ def write_whole(path: Path, data: bytes | str) -> None:
         partial.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
+def append_lines(path: Path, data: bytes) -> None:
+    """Add whole lines to a file, in place of a last one that a power loss cut. Raises OSError.
+
+    They are on the disk when this returns.
+    """
+    with path.open("ab") as file:
+        file.truncate(path.read_bytes().rfind(b"\n") + 1)
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
 def display_path(path: str | Path) -> str:
     """A path as a person here reads it: from this folder on where it is below it, else whole."""
     try:
