@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from smad.arrays import Array
 from smad.config import bench_in
-from smad.errors import RunLogError
 from smad.health.record import Row, Value
 from smad.queue.meter import DEAD_BAND_MM
 from smad.runlog.cycles import Cycles
@@ -111,14 +110,3 @@ def _cooling(columns: Mapping[str, Array], spring: str) -> Iterator[tuple[str, V
         return
     rate = np.log(excess_K[places] / excess_K[places + width]) / (t_s[places + width] - t_s[places])
     yield f"cooling_{spring}_per_s", Value(float(np.median(rate)))
-
-
-def new_rows(folder: Path, sources: set[str]) -> Iterator[tuple[Path, Row | RunLogError | None]]:
-    """Yield each run log of a folder that has no row yet, with its row or why there is none."""
-    for path in sorted(folder.glob("*.mcap")):
-        if path.name in sources or ".recovered" in path.name:
-            continue
-        try:
-            yield path, row_of(path)
-        except RunLogError as error:
-            yield path, error
