@@ -47,15 +47,13 @@ def sine(
     return Angles(t_s, *(m + a * wave for m, a in zip(from_deg, amplitude_deg, strict=True)))
 
 
-def circle(
-    radius_deg: float, *, period_s: float, cycles: int = 1, approach_s: float | None = None
-) -> Angles:
+def circle(radius_deg: float, *, period_s: float, cycles: int = 1) -> Angles:
     """A circle of the tip about the straight segment, from there and back there.
 
     Both joints turn by sinusoids of the radius, a quarter of a period apart. The radius grows and
-    shrinks smoothly in `approach_s` (a fifth of the period), with the phase standing still.
+    shrinks smoothly in a fifth of the period, with the phase standing still.
     """
-    approach_s = period_s / 5.0 if approach_s is None else approach_s
+    approach_s = period_s / 5.0
     turn_s = period_s * cycles
     t_s = _times(turn_s + 2.0 * approach_s)
     phase = 2.0 * np.pi * np.clip((t_s - approach_s) / period_s, 0.0, cycles)

@@ -53,7 +53,7 @@ def test_angles_come_back_from_the_tendons_with_gains_signs_and_coupling() -> No
 
 
 def test_a_circle_begins_and_ends_straight_and_keeps_its_radius_between() -> None:
-    made = circle(15.0, period_s=10.0, cycles=2, approach_s=2.0)
+    made = circle(15.0, period_s=10.0, cycles=2)
     radius = np.hypot(made.pitch_deg, made.yaw_deg)
     assert (radius[0], radius[-1]) == (0.0, 0.0)
     turning = (made.t_s >= 2.0) & (made.t_s <= 22.0)
