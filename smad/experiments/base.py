@@ -100,12 +100,6 @@ class Experiment(ABC, Generic[O]):
         """Raise BenchLacksError unless the bench can do all of it."""
         require(driver, self.requirements(), self.mountings(), self.name)
 
-    def run(self, driver: Driver, model: ParameterSet) -> Findings:
-        """Everything, one trial after the other. Raises BenchLacksError before anything moves."""
-        self.check(driver)
-        outcomes = {trial: self.conduct(trial, driver) for trial in self.trials()}
-        return self.conclude(outcomes, model)
-
 
 def options_from(kind: type[Options], settings: Mapping[str, Any], experiment: str) -> Options:
     """The options with these settings (values may be text, as from the command line).
