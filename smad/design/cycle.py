@@ -158,17 +158,18 @@ def _half(plant: Plant, heated: int, current_A: float, step_s: float, seen: _See
     Raises DesignError where one of both takes too long.
     """
     hot_A = (current_A, 0.0) if heated == 0 else (0.0, current_A)
-    heating_s = _drive(plant, heated, Drive(hot_A), step_s, seen)
+    heating_s = _drive(plant, heated, Drive(hot_A), step_s, seen, heats=True)
     duty = (1.0, 0.0) if heated == 0 else (0.0, 1.0)
-    cooling_s = _drive(plant, heated, Drive((0.0, 0.0), duty), DT_S, seen)
+    cooling_s = _drive(plant, heated, Drive((0.0, 0.0), duty), DT_S, seen, heats=False)
     seen.heating_s += heating_s
     seen.time_s += heating_s + cooling_s
 
 
-def _drive(plant: Plant, spring: int, drive: Drive, step_s: float, seen: _Seen) -> float:
-    """Heat a spring through or, without a current, let it cool; return for how long, in s."""
+def _drive(
+    plant: Plant, spring: int, drive: Drive, step_s: float, seen: _Seen, *, heats: bool
+) -> float:
+    """Drive a spring until it is heated through, or has cooled; return for how long, in s."""
     elapsed_s, current_A = 0.0, drive.i_A[spring]
-    heats = current_A > 0.0
     while plant.xi[spring] > HOT_FRACTION if heats else plant.xi[spring] < COLD_FRACTION:
         if elapsed_s > LONGEST_S:
             raise DesignError(
