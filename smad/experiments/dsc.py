@@ -212,7 +212,9 @@ def estimates_of(data: DscData, above_K: float, seed: int) -> list[Estimate]:
     length of the tangents and the start of the baseline, is drawn as well: on a calorimetry that
     choice weighs more than the noise.
     """
-    smooth = _in_time(data.heat_flow_W, 5)
+    from scipy.ndimage import uniform_filter1d
+
+    smooth: Array = uniform_filter1d(data.heat_flow_W, 5, mode="nearest")
     noise = data.heat_flow_W - smooth
     rng = np.random.default_rng(seed)
     resampled = []
@@ -245,11 +247,6 @@ _QUANTITIES: Mapping[str, Tolerance] = {
     **dict.fromkeys(_TEMPERATURES, Tolerance(difference=0.5)),
     **dict.fromkeys(_HEATS, Tolerance(share=0.05)),
 }
-
-
-def _in_time(values: Array, width: int) -> Array:
-    padded = np.pad(values, width // 2, mode="edge")
-    return np.convolve(padded, np.ones(width) / width, "valid")
 
 
 def _table(estimates: Sequence[Estimate]) -> Table:
