@@ -30,12 +30,12 @@ def require_writable(output: Path) -> None:
 MOST_BYTES = 100_000_000
 
 
-def read_whole(path: Path) -> bytes:
+def read_whole(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
     """Return what is in a file. Raises OSError also for one that has no end, as a device."""
     with path.open("rb") as file:
-        data = file.read(MOST_BYTES + 1)
-    if len(data) > MOST_BYTES:
-        why = f"it is longer than {MOST_BYTES // 1_000_000} MB"
+        data = file.read(most_bytes + 1)
+    if len(data) > most_bytes:
+        why = f"it is too large: longer than {most_bytes // 1_000_000} MB"
         raise OSError(errno.EINVAL, why, str(path))
     return data
 
