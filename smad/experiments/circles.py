@@ -149,14 +149,12 @@ def table(circles: list[Tracking]) -> Table:
     )
 
 
-def page_of(log: Path, robot: Robot, skew: Percentiles | None = None) -> Page:
+def page_of(log: Path, robot: Robot, skew: Percentiles) -> Page:
     """Return the page of a log. Raises RunLogError as `trackings` does."""
     circles = list(trackings(read_axes(log), robot))
     begins = (
-        "The log has how far apart the boards began each circle (events)."
-        if skew is None
-        else f"The boards began {skew.count} circles, each within {skew.max_us / 1000:.2f} ms on "
-        "the computer's clock."
+        f"The boards began {skew.count} circles, each within {skew.max_us / 1000:.2f} ms on the "
+        "computer's clock."
     )
     sections = [Section("Tracking", [table(circles), Text(begins)])]
     for tracking in circles:
