@@ -24,8 +24,8 @@ class Curve(Struct, frozen=True):
     pen: str
 
 
-class Axis(Struct, frozen=True, kw_only=True):
-    """What an axis shows. `scale` multiplies what the telemetry says.
+class PlotAxis(Struct, frozen=True, kw_only=True):
+    """What the axis of a plot shows. `scale` multiplies what the telemetry says.
 
     `limit` is the key of the configuration that bounds it, `both_ways` whether -limit does too.
     """
@@ -38,7 +38,7 @@ class Axis(Struct, frozen=True, kw_only=True):
     both_ways: bool = False
 
 
-class Strip(Axis, frozen=True, kw_only=True):
+class Strip(PlotAxis, frozen=True, kw_only=True):
     """A plot with an axis of its own; `least` and `most` are what that shows at least."""
 
     name: str
@@ -117,7 +117,7 @@ STRIPS = (
 )
 
 
-class Channel(Axis, frozen=True, kw_only=True):
+class Channel(PlotAxis, frozen=True, kw_only=True):
     """A channel as the live page draws it: `title` says what, `label` which of several.
 
     `span`: the axis always shows this.
@@ -142,7 +142,7 @@ def _of_strip(strip: Strip, curve: Curve) -> Channel:
         label=curve.label,
         pen=curve.pen,
         span=(strip.least, strip.most) if fixed else None,  # type: ignore[arg-type]
-        **{name: getattr(strip, name) for name in Axis.__struct_fields__},
+        **{name: getattr(strip, name) for name in PlotAxis.__struct_fields__},
     )
 
 
