@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 from sim_device.plant.models import Model
 from sim_device.plant.parameters import ParameterSet, load_parameters
 from smad.control.plan import Plan
-from smad.experiments.base import Experiment, Findings
-from smad.experiments.campaign import run_on
-from smad.experiments.driver import PARTS, Driver, Mounting
+from smad.experiments.driver import PARTS, Mounting
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import VirtualDriver
 
@@ -39,11 +36,6 @@ def given() -> ParameterSet:
 
 def driver(parameters: ParameterSet = NOMINAL, **options: object) -> VirtualDriver:
     return VirtualDriver(Model(parameters), seed=3, **options)
-
-
-def found_by(experiment: Experiment[Any], bench: Driver) -> Findings:
-    """What one experiment finds on a bench, against the nominal model."""
-    return run_on([experiment], bench, NOMINAL).results[0].findings
 
 
 class NoDriver:

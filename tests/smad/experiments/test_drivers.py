@@ -32,7 +32,7 @@ from smad.runlog.paths import part_path
 from smad.runlog.reader import read_run
 
 from .fake_client import FakeClient
-from .helpers import NOMINAL, NoDriver, driver, found_by, given
+from .helpers import NOMINAL, NoDriver, driver, given
 
 PLAN = Plan(
     "short",
@@ -56,7 +56,7 @@ def test_each_part_an_experiment_needs_is_missed_by_name_before_anything_moves(n
     experiment = make_experiment(name)
     for part in experiment.requirements():
         with pytest.raises(BenchLacksError) as refused:
-            found_by(experiment, NoDriver(part))
+            experiment.run(NoDriver(part), NOMINAL)
         assert PARTS[part] in str(refused.value)
         assert "nothing was moved" in str(refused.value)
 
@@ -81,7 +81,7 @@ def test_a_mounting_that_does_not_fit_is_refused_before_anything_moves(
         experiment.check(NoDriver(mounting=mounting))
     else:
         with pytest.raises(BenchLacksError, match="another mounting of the springs"):
-            found_by(experiment, NoDriver(mounting=mounting))
+            experiment.run(NoDriver(mounting=mounting), NOMINAL)
 
 
 def test_draining_is_needed_only_where_it_is_tried() -> None:
@@ -118,8 +118,8 @@ def test_a_run_read_back_from_its_log_is_the_run(tmp_path: Path) -> None:
 
 def test_an_experiment_finds_the_same_in_its_log(tmp_path: Path) -> None:
     experiment = make_experiment("resistance")
-    live = found_by(experiment, driver(given(), folder=tmp_path))
-    logged = found_by(experiment, LogDriver([tmp_path / "resistance.mcap"]))
+    live = experiment.run(driver(given(), folder=tmp_path), NOMINAL)
+    logged = experiment.run(LogDriver([tmp_path / "resistance.mcap"]), NOMINAL)
     assert logged.comparisons == live.comparisons
     assert logged.estimates == live.estimates
 
@@ -127,7 +127,7 @@ def test_an_experiment_finds_the_same_in_its_log(tmp_path: Path) -> None:
 def test_a_log_of_another_run_is_not_taken_for_this_one(tmp_path: Path) -> None:
     driver(folder=tmp_path).run(PLAN)
     with pytest.raises(ExperimentError, match=r"none of the logs is of run.*fig9-cycle"):
-        found_by(make_experiment("fig9-cycle"), LogDriver([tmp_path / "short.mcap"]))
+        make_experiment("fig9-cycle").run(LogDriver([tmp_path / "short.mcap"]), NOMINAL)
 
 
 def test_a_daemon_carries_out_the_same_plan_as_virtual_time(tmp_path: Path) -> None:

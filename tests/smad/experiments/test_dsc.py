@@ -13,7 +13,7 @@ from smad.experiments.dsc_file import COLUMNS, DscData, read_dsc, synthetic_dsc
 from smad.experiments.errors import DataFileError
 from smad.experiments.registry import make_experiment
 
-from .helpers import NOMINAL, NoDriver, found_by, given
+from .helpers import NOMINAL, NoDriver, given
 
 ABOVE_K = 333.0
 
@@ -70,7 +70,7 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
 def test_the_experiment_reads_the_file_and_moves_nothing(tmp_path: Path) -> None:
     path = tmp_path / "sample.csv"
     path.write_text(dsc_text(synthetic_dsc(given(), seed=2)), encoding="utf-8")
-    findings = found_by(make_experiment("dsc", {"file": str(path)}), NoDriver())
+    findings = make_experiment("dsc", {"file": str(path)}).run(NoDriver(), NOMINAL)
     by_name = {estimate.name: estimate for estimate in findings.estimates}
     assert by_name["austenite_finish"].holds(given()["austenite_finish"])
     assert not by_name["austenite_finish"].holds(NOMINAL["austenite_finish"])

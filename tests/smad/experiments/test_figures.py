@@ -29,7 +29,7 @@ from smad.experiments.fig13_segment import Fig13Segment, SegmentOptions
 from smad.experiments.recording import Recording
 from smad.experiments.tracking import Score, score_of
 
-from .helpers import NOMINAL, driver, found_by, given
+from .helpers import NOMINAL, driver, given
 
 
 def test_the_closed_form_of_the_cycle_has_the_papers_numbers() -> None:
@@ -79,7 +79,7 @@ def test_heating_and_cooling_take_as_long_as_the_physics_page_says() -> None:
 
 def test_water_keeps_up_with_seven_seconds_and_air_loses_them_after_some_periods() -> None:
     experiment = Fig11Tracking(TrackingOptions(cycles=10, beyond=False))
-    findings = found_by(experiment, driver())
+    findings = experiment.run(driver(), NOMINAL)
     water, air = findings.comparisons
     assert float(water.here.split()[0]) > 0.9927
     good = int(air.here.split()[0])
@@ -88,7 +88,7 @@ def test_water_keeps_up_with_seven_seconds_and_air_loses_them_after_some_periods
 
 
 def test_the_segment_turns_by_twenty_five_degrees() -> None:
-    findings = found_by(Fig13Segment(SegmentOptions(cycles=1, hold_s=4.0)), driver())
+    findings = Fig13Segment(SegmentOptions(cycles=1, hold_s=4.0)).run(driver(), NOMINAL)
     low, high = (float(word.rstrip("°")) for word in findings.comparisons[0].here.split()[:3:2])
     assert low == pytest.approx(-25.0, abs=0.7)
     assert high == pytest.approx(25.0, abs=0.7)
