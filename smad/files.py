@@ -30,12 +30,12 @@ def require_writable(output: Path) -> None:
 MOST_BYTES = 100_000_000
 
 
-def read_whole(path: Path) -> bytes:
+def read_whole(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
     """Return what is in a file. Raises OSError also for one that has no end, as a device."""
     with path.open("rb") as file:
-        data = file.read(MOST_BYTES + 1)
-    if len(data) > MOST_BYTES:
-        why = f"it is longer than {MOST_BYTES // 1_000_000} MB"
+        data = file.read(most_bytes + 1)
+    if len(data) > most_bytes:
+        why = f"it is too large: longer than {most_bytes // 1_000_000} MB"
         raise OSError(errno.EINVAL, why, str(path))
     return data
 
@@ -83,6 +83,18 @@ def write_whole(path: Path, data: bytes | str) -> None:
     """Write a file whole or not at all, text as UTF-8. Raises OSError."""
     with replacing(path) as partial:
         partial.write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+def append_lines(path: Path, data: bytes) -> None:
+    """Add whole lines to a file, in place of a last one that a power loss cut. Raises OSError.
+
+    They are on the disk when this returns.
+    """
+    with path.open("ab") as file:
+        file.truncate(path.read_bytes().rfind(b"\n") + 1)
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def display_path(path: str | Path) -> str:

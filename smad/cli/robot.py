@@ -118,7 +118,7 @@ def six_axes(
     It arms the running bench, or with --sim its own. At the end it disarms, and writes a table and
     a page.
     """
-    from smad.experiments.circles import Circles, draw, page_of, skew_in_words, table, trackings
+    from smad.experiments.circles import draw, page_of, skew_in_words, table, trackings
     from smad.processes.simulated import simulated_axes
     from smad.report.page import write_page
     from smad.robot.moving import robot_of
@@ -126,7 +126,7 @@ def six_axes(
 
     with simulated_axes(6) if sim else client(bench) as connected, progress() as line:
         robot_used = robot_of(connected)
-        log, skew = draw(connected, robot_used, Circles(radius_deg, period_s), line.say)
+        log, skew = draw(connected, robot_used, radius_deg, period_s, line.say)
     written = write_page(page_of(log, robot_used, skew), report or log.with_suffix(".html"))
     print_table(table(list(trackings(read_axes(log), robot_used))))
     click.echo(skew_in_words(skew))

@@ -72,8 +72,3 @@ def value_at(value: Any, path: str) -> Any:
         except (KeyError, IndexError, TypeError, ValueError):
             return None
     return value
-
-
-def without_mark(text: bytes) -> bytes:
-    """Return UTF-8 text without the byte order mark that some editors write, for a TOML reader."""
-    return text.removeprefix(b"\xef\xbb\xbf")

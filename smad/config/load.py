@@ -13,9 +13,10 @@ from smad.config.bounds import in_words, value_at
 from smad.config.describe import find_section
 from smad.config.model import Config
 from smad.config.template import config_to_toml
+from smad.config.toml_file import MOST_BYTES
 from smad.errors import ConfigError, refused_by_system
+from smad.files import read_whole
 
-_LARGEST_FILE_BYTES = 1_000_000
 _PATH = re.compile(r"^(?P<cause>.*) - at `\$\.?(?P<path>[^`]*)`$", re.DOTALL)
 _UNKNOWN = re.compile(r"^Object contains unknown field `(?P<name>.*)`$", re.DOTALL)
 _HELP = "`smad config show` prints every key"
@@ -31,15 +32,8 @@ def load_config(path: str | Path, *, again: bool = False) -> Config:
     cause, action = f"cannot read configuration {path}", "check the path given to --config"
     if again and path.exists() and not path.is_file():
         raise ConfigError(f"{cause} again: it is not a file", action="restart with a file")
-    with refused_by_system(ConfigError, cause, action=action), path.open("rb") as file:
-        data = file.read(_LARGEST_FILE_BYTES + 1)
-    if len(data) > _LARGEST_FILE_BYTES:
-        raise ConfigError(
-            f"{path} is too large to be a configuration",
-            value=f"more than {_LARGEST_FILE_BYTES} bytes",
-            limit=f"{_LARGEST_FILE_BYTES} bytes",
-            action="check the path given to --config",
-        )
+    with refused_by_system(ConfigError, cause, action=action):
+        data = read_whole(path, MOST_BYTES)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

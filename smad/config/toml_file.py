@@ -1,5 +1,6 @@
 """A small TOML file that a person wrote, as a checked record."""
 
+import codecs
 import re
 import typing
 from pathlib import Path
@@ -8,8 +9,9 @@ from typing import Any, TypeVar
 import msgspec
 
 from firmware_protocol.nearest import nearest
-from smad.config.bounds import field_and_words, without_mark
+from smad.config.bounds import field_and_words
 from smad.errors import SmadError, refused_by_system
+from smad.files import read_whole
 
 _UNKNOWN = re.compile(r"Object contains unknown field `(?P<key>[^`]*)`")
 MOST_BYTES = 1_000_000
@@ -22,12 +24,11 @@ def read_toml(path: Path, kind: type[T], what: str, error: type[SmadError], acti
     `what` says what the file should be ("map file"), `action` what to do where it is not.
     """
     cause = f"cannot read {what} {path}"
-    with refused_by_system(error, cause, action="check the path"), path.open("rb") as file:
-        text = file.read(MOST_BYTES + 1)
-    if len(text) > MOST_BYTES:
-        raise error(f"{path} is too long for a {what}", limit=f"{MOST_BYTES} bytes")
+    with refused_by_system(error, cause, action="check the path"):
+        # Some editors write a byte order mark, which a TOML reader does not take.
+        text = read_whole(path, MOST_BYTES).removeprefix(codecs.BOM_UTF8)
     try:
-        return msgspec.toml.decode(without_mark(text), type=kind)
+        return msgspec.toml.decode(text, type=kind)
     except (msgspec.MsgspecError, ValueError, RecursionError) as refused:
         where, why = field_and_words(str(refused))
         place = f", {where}" if where else ""

@@ -102,37 +102,23 @@ def _first_time(t: Array, hit: Mask) -> float:
     return float(t[where[0]]) if where.size else math.nan
 
 
-@dataclass(frozen=True)
-class HoldQuality:
-    """How quietly a displacement was held. Currents and duties are those applied, (x, y)."""
-
-    pump_starts: tuple[int, int]
-    ripple_A: float
-    """Standard deviation of the signed current (x less y) about a straight line through each 5 s:
-    what switches and shakes, without the slow change of the current that the spring needs."""
-    error_rms: float
-    """Root mean square of reference less displacement, in the unit of the displacement."""
-
-
 RIPPLE_WINDOW_S = 5.0
 
 
-def hold_quality(
-    t_s: ArrayLike,
-    error: ArrayLike,
-    i_A: tuple[ArrayLike, ArrayLike],
-    duty: tuple[ArrayLike, ArrayLike],
-) -> HoldQuality:
-    """The quality of a hold from recorded arrays of equal length, sampled evenly."""
-    t, e = np.asarray(t_s, float), np.asarray(error, float)
-    signed_A = np.asarray(i_A[0], float) - np.asarray(i_A[1], float)
-    period_s = float(np.median(np.diff(t)))
-    window = max(1, min(t.size, round(RIPPLE_WINDOW_S / period_s)))
-    parts = np.array_split(signed_A, max(1, t.size // window))
-    ripple = math.sqrt(float(np.mean(np.concatenate([_unslanted(p) ** 2 for p in parts]))))
-    return HoldQuality(
-        (starts(duty[0]), starts(duty[1])), ripple, math.sqrt(float(np.nanmean(e * e)))
-    )
+def ripple(t_s: Array, signed_A: Array) -> float:
+    """Standard deviation of a current, A, about a straight line through each 5 s of a hold.
+
+    What switches and shakes, without the slow change of the current that the spring needs. Both of
+    shape (n,), sampled evenly.
+    """
+    window = max(1, min(t_s.size, round(RIPPLE_WINDOW_S / float(np.median(np.diff(t_s))))))
+    parts = np.array_split(signed_A, max(1, t_s.size // window))
+    return rms(np.concatenate([_unslanted(part) for part in parts]))
+
+
+def rms(values: Array) -> float:
+    """Root mean square of the values that are not nan."""
+    return math.sqrt(float(np.nanmean(values * values)))
 
 
 def _unslanted(values: Array) -> Array:

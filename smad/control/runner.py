@@ -41,51 +41,6 @@ class VirtualRun:
     samples: int = 0
 
 
-class _Stepper:
-    """One sample after the other, with the setpoint of the last one."""
-
-    def __init__(
-        self,
-        bench: SimulatedBench,
-        controller: Controller,
-        recorder: Recorder | None,
-        progress: Progress | None,
-    ) -> None:
-        self._bench = bench
-        self._controller = controller
-        self._scales = Scales({})
-        self._recorder = recorder
-        self._progress = progress
-        self._unwrap = Unwrapper()
-        self._time = BoardTime()
-        self._setpoint: Setpoint | None = None
-        self._told_s = 0
-        self.run = VirtualRun()
-
-    def step(self) -> Sample:
-        state = self._bench.step_typed(self._setpoint)
-        board_us = self._unwrap(state.t_us, self._time.now_us)
-        sample = sample_of(state, self._time.since_first(board_us), self._scales)
-        controller = self._controller
-        output = controller.step(sample)
-        self._setpoint = setpoint_of(output, t_ref_us=state.t_us)
-        run = self.run
-        run.samples += 1
-        run.board_time_s = sample.t_us * 1e-6
-        if self._recorder is not None:
-            self._recorder(
-                sample, state, self._setpoint, controller.reference_m, controller.target_degC
-            )
-        if self._progress is not None and int(run.board_time_s) > self._told_s:
-            self._told_s = int(run.board_time_s)
-            self._progress(run.board_time_s)
-        if not sample.armed:
-            raise _stopped(state, run.board_time_s)
-        if controller.trip is not None:
-            raise _tripped(controller.trip, run.board_time_s)
-        return sample
-
-
 def run_virtual(
     bench: SimulatedBench,
     controller: Controller,
@@ -101,9 +56,28 @@ def run_virtual(
     long.
     """
     bench.arm()
-    stepper = _Stepper(bench, controller, recorder, progress)
-    sample = stepper.step()
-    run = stepper.run
+    run, scales, unwrap, time = VirtualRun(), Scales({}), Unwrapper(), BoardTime()
+    setpoint: Setpoint | None = None
+
+    def step() -> Sample:
+        """The next sample, answered by the setpoint that the board gets with the one after it."""
+        nonlocal setpoint
+        state = bench.step_typed(setpoint)
+        sample = sample_of(state, time.since_first(unwrap(state.t_us, time.now_us)), scales)
+        setpoint = setpoint_of(controller.step(sample), t_ref_us=state.t_us)
+        before_s, run.board_time_s = run.board_time_s, sample.t_us * 1e-6
+        run.samples += 1
+        if recorder is not None:
+            recorder(sample, state, setpoint, controller.reference_m, controller.target_degC)
+        if progress is not None and int(run.board_time_s) > int(before_s):
+            progress(run.board_time_s)
+        if not sample.armed:
+            raise _stopped(state, run.board_time_s)
+        if controller.trip is not None:
+            raise _tripped(controller.trip, run.board_time_s)
+        return sample
+
+    sample = step()
     for action in plan.actions:
         match action:
             case Do(command):
@@ -113,10 +87,10 @@ def run_virtual(
             case Pause(seconds):
                 until_us = sample.t_us + round(seconds * 1e6)
                 while sample.t_us < until_us:
-                    sample = stepper.step()
+                    sample = step()
             case UntilDone(timeout_s):
                 until_us = sample.t_us + round(timeout_s * 1e6)
-                sample = stepper.step()
+                sample = step()
                 while not controller.done:
                     if sample.t_us >= until_us:
                         raise PlanError(
@@ -126,7 +100,7 @@ def run_virtual(
                             action="the bench may be too weak, too warm, or not what the "
                             "experiment expects",
                         )
-                    sample = stepper.step()
+                    sample = step()
     return run
 
 

@@ -6,7 +6,6 @@ Control that heats one spring while the other still cools is faster and pulls ha
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 from sim_device.plant import Drive, Plant
@@ -154,63 +153,43 @@ class _Seen:
 
 
 def _half(plant: Plant, heated: int, current_A: float, step_s: float, seen: _Seen) -> None:
-    """One spring heats through and cools again; what it does goes into `seen`."""
-    drive_A = (current_A, 0.0) if heated == 0 else (0.0, current_A)
-    heating = _Phase(
-        Drive(drive_A),
-        step_s,
-        heated,
-        lambda xi: xi <= HOT_FRACTION,
-        "does not heat through",
-        "take more current, or thinner wire",
-    )
+    """One spring heats through and cools again; what it does goes into `seen`.
+
+    Raises DesignError where one of both takes too long.
+    """
+    hot_A = (current_A, 0.0) if heated == 0 else (0.0, current_A)
+    heating_s = _drive(plant, heated, Drive(hot_A), step_s, seen, heats=True)
     duty = (1.0, 0.0) if heated == 0 else (0.0, 1.0)
-    cooling = _Phase(
-        Drive((0.0, 0.0), duty),
-        DT_S,
-        heated,
-        lambda xi: xi >= COLD_FRACTION,
-        "does not cool",
-        "cool it with water, or take thinner wire",
-    )
-    hot_s = _run(plant, heating, seen)
-    seen.heating_s += hot_s
-    seen.time_s += hot_s + _run(plant, cooling, seen)
+    cooling_s = _drive(plant, heated, Drive((0.0, 0.0), duty), DT_S, seen, heats=False)
+    seen.heating_s += heating_s
+    seen.time_s += heating_s + cooling_s
 
 
-@dataclass(frozen=True)
-class _Phase:
-    """A drive that is held until the martensite fraction of one spring is as wanted."""
-
-    drive: Drive
-    step_s: float
-    spring: int
-    done: Callable[[float], bool]
-    failure: str
-    action: str
-
-
-def _run(plant: Plant, phase: _Phase, seen: _Seen) -> float:
-    """Carry out a phase; return its length in s. Raises DesignError for one that does not end."""
-    elapsed_s, current_A = 0.0, phase.drive.i_A[phase.spring]
-    while not phase.done(plant.xi[phase.spring]):
+def _drive(
+    plant: Plant, spring: int, drive: Drive, step_s: float, seen: _Seen, *, heats: bool
+) -> float:
+    """Drive a spring until it is heated through, or has cooled; return for how long, in s."""
+    elapsed_s, current_A = 0.0, drive.i_A[spring]
+    while plant.xi[spring] > HOT_FRACTION if heats else plant.xi[spring] < COLD_FRACTION:
         if elapsed_s > LONGEST_S:
             raise DesignError(
-                f"a spring {phase.failure} within {LONGEST_S:g} s",
-                value=f"{plant.truth.T_K[phase.spring] - ZERO_C:.1f} °C",
-                action=phase.action,
+                f"a spring does not {'heat through' if heats else 'cool'} within {LONGEST_S:g} s",
+                value=f"{plant.truth.T_K[spring] - ZERO_C:.1f} °C",
+                action="take more current, or thinner wire"
+                if heats
+                else "cool it with water, or take thinner wire",
             )
-        plant.advance(phase.drive, phase.step_s)
-        elapsed_s += phase.step_s
+        plant.advance(drive, step_s)
+        elapsed_s += step_s
         now = plant.truth
-        power_W = current_A * current_A * now.resistance_Ohm[phase.spring]
-        seen.energy_J += power_W * phase.step_s
+        power_W = current_A * current_A * now.resistance_Ohm[spring]
+        seen.energy_J += power_W * step_s
         seen.peak_W = max(seen.peak_W, power_W)
         seen.high_m = max(seen.high_m, now.displacement_m)
         seen.low_m = min(seen.low_m, now.displacement_m)
         seen.most_N = max(seen.most_N, now.force_N)
         seen.least_N = min(seen.least_N, now.force_N)
-        seen.peak_K = max(seen.peak_K, now.T_K[phase.spring])
+        seen.peak_K = max(seen.peak_K, now.T_K[spring])
     return elapsed_s
 
 

@@ -14,8 +14,8 @@ from smad.config.bounds import field_and_words
 from smad.control.commands import Tune
 from smad.control.plan import Do
 from smad.experiments.contradictions import reference
-from smad.experiments.driver import Driver, Mounting, require
-from smad.experiments.errors import ExperimentError
+from smad.experiments.driver import PARTS, Driver, Mounting
+from smad.experiments.errors import BenchLacksError, ExperimentError
 from smad.experiments.estimate import Estimate
 from smad.report.page import Block
 
@@ -97,8 +97,25 @@ class Experiment(ABC, Generic[O]):
         """Analyse the outcomes of all trials."""
 
     def check(self, driver: Driver) -> None:
-        """Raise BenchLacksError unless the bench can do all of it."""
-        require(driver, self.requirements(), self.mountings(), self.name)
+        """Raise BenchLacksError, naming what is missing, unless the bench has all of it."""
+        mounted = driver.mounting()
+        other_mountings = [] if mounted is None else sorted(self.mountings() - {mounted})
+        if other_mountings:
+            raise BenchLacksError(
+                f"experiment {self.name} needs another mounting of the springs",
+                value=str(mounted),
+                limit="; ".join(map(str, other_mountings)),
+                action="nothing was moved; mount them that way and give --fixture and --air, or "
+                "leave those runs out with --set",
+            )
+        lacking = sorted(self.requirements() - driver.parts())
+        if lacking:
+            raise BenchLacksError(
+                f"experiment {self.name} cannot be run: this bench lacks "
+                + " and ".join(PARTS[part] for part in lacking),
+                value=", ".join(lacking),
+                action="nothing was moved; fit what is missing, or run another experiment",
+            )
 
     def run(self, driver: Driver, model: ParameterSet) -> Findings:
         """Everything, one trial after the other. Raises BenchLacksError before anything moves."""

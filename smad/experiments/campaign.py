@@ -63,11 +63,10 @@ class CampaignResult:
 def run_campaign(
     experiments: Sequence[Experiment[Any]],
     bench: CampaignBench,
-    model: ParameterSet,
     executor: Executor | None = None,
     progress: Say = silent,
 ) -> CampaignResult:
-    """Run the experiments on the simulated bench and analyse them against `model`.
+    """Run the experiments on the simulated bench and analyse them against its model.
 
     Trials go to `executor` (a process pool, or anything that looks like one); without one they run
     here. What is lacking is found before anything runs. Raises BenchLacksError and ExperimentError.
@@ -79,7 +78,7 @@ def run_campaign(
         if executor is None
         else _conduct_there(experiments, bench, executor, progress)
     )
-    return conclude_all(experiments, outcomes, model)
+    return conclude_all(experiments, outcomes, bench.model.parameters)
 
 
 def configured(model: Model, path: Path | None) -> Config:
@@ -95,15 +94,14 @@ def run_here(
     experiments: Sequence[Experiment[Any]], bench: CampaignBench, jobs: int | None, progress: Say
 ) -> CampaignResult:
     """As `run_campaign`, with `jobs` processes of this computer; None: one a core."""
-    model = bench.model.parameters
     trials = sum(len(experiment.trials()) for experiment in experiments)
     processes = min(jobs or os.cpu_count() or 1, trials)
     if processes == 1:
-        return run_campaign(experiments, bench, model, progress=progress)
+        return run_campaign(experiments, bench, progress=progress)
     with ProcessPoolExecutor(
         processes, get_context("spawn"), initializer=begin_worker, initargs=(os.getpid(),)
     ) as pool:
-        return run_campaign(experiments, bench, model, pool, progress)
+        return run_campaign(experiments, bench, pool, progress)
 
 
 def run_on(

@@ -17,7 +17,7 @@ from smad.progress import Say
 from smad.report.page import Page, Section, Table, Text
 from smad.report.panels import Panel, Panels, Trace
 from smad.report.planes import Curve, Plane, Quantity
-from smad.robot.angles import Angles, circle
+from smad.robot.angles import circle
 from smad.robot.kinematics import Robot
 from smad.runlog.export import side_by_side
 from smad.runlog.reader import Run, read_axes
@@ -30,19 +30,6 @@ TOGETHER = "together"
 _MARK = "circle of "
 _END = "circles end"
 _WARM = "warm-up"
-
-
-@dataclass(frozen=True)
-class Circles:
-    """The circle that each segment draws, and how often."""
-
-    radius_deg: float = 15.0
-    period_s: float = 20.0
-    cycles: int = 1
-
-    def angles(self) -> Angles:
-        """Return the circle as joint angles."""
-        return circle(self.radius_deg, period_s=self.period_s, cycles=self.cycles)
 
 
 @dataclass(frozen=True)
@@ -76,12 +63,14 @@ class Tracking:
         return float(np.max(self.error_deg))
 
 
-def draw(bench: Client, robot: Robot, circles: Circles, progress: Say) -> tuple[Path, Percentiles]:
+def draw(
+    bench: Client, robot: Robot, radius_deg: float, period_s: float, progress: Say
+) -> tuple[Path, Percentiles]:
     """Carry it out on a bench that is not armed; return the run log and the skew of the begins.
 
     Arms, and disarms at the end. Raises what the client raises.
     """
-    angles = circles.angles()
+    angles = circle(radius_deg, period_s=period_s)
     everybody = dict.fromkeys(robot.segments, angles)
     # The first circle warms the springs; what is compared begins equally warm.
     phases = {_WARM: everybody, **{name: {name: angles} for name in robot.segments}}
@@ -160,14 +149,12 @@ def table(circles: list[Tracking]) -> Table:
     )
 
 
-def page_of(log: Path, robot: Robot, skew: Percentiles | None = None) -> Page:
+def page_of(log: Path, robot: Robot, skew: Percentiles) -> Page:
     """Return the page of a log. Raises RunLogError as `trackings` does."""
     circles = list(trackings(read_axes(log), robot))
     begins = (
-        "The log has how far apart the boards began each circle (events)."
-        if skew is None
-        else f"The boards began {skew.count} circles, each within {skew.max_us / 1000:.2f} ms on "
-        "the computer's clock."
+        f"The boards began {skew.count} circles, each within {skew.max_us / 1000:.2f} ms on the "
+        "computer's clock."
     )
     sections = [Section("Tracking", [table(circles), Text(begins)])]
     for tracking in circles:

@@ -3,13 +3,12 @@
 An experiment sees only `Driver`, so it cannot tell them apart.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 from smad.control.plan import Cooling, Fixture, Plan
-from smad.experiments.errors import BenchLacksError
 from smad.experiments.recording import Recording
 
 PARTS: Mapping[str, str] = {
@@ -60,30 +59,3 @@ class Driver(Protocol):
 
         Raises ExperimentError (or the error of a refused command) when it did not come to its end.
         """
-
-
-def require(
-    driver: Driver, needs: Iterable[str], mountings: Iterable[Mounting], experiment: str
-) -> None:
-    """Raise BenchLacksError, naming what is missing, unless the bench has all that is needed.
-
-    `mountings` are all that the experiment's runs use.
-    """
-    mounted = driver.mounting()
-    other_mountings = [] if mounted is None else sorted(set(mountings) - {mounted})
-    if other_mountings:
-        raise BenchLacksError(
-            f"experiment {experiment} needs another mounting of the springs",
-            value=str(mounted),
-            limit="; ".join(map(str, other_mountings)),
-            action="nothing was moved; mount them that way and give --fixture and --air, or "
-            "leave those runs out with --set",
-        )
-    lacking = sorted(set(needs) - driver.parts())
-    if lacking:
-        raise BenchLacksError(
-            f"experiment {experiment} cannot be run: this bench lacks "
-            + " and ".join(PARTS[part] for part in lacking),
-            value=", ".join(lacking),
-            action="nothing was moved; fit what is missing, or run another experiment",
-        )

@@ -1,7 +1,7 @@
 """Fig. 2: transformation temperatures, heat capacity and latent heats from a calorimeter's file."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -35,19 +35,6 @@ class DscOptions(Options, frozen=True, kw_only=True):
     """A temperature above both peaks, from which the baselines are drawn."""
 
 
-@dataclass(frozen=True)
-class Peak:
-    """One peak: where its flanks' tangents meet the baseline (K), its area in J/kg, and C in J/kgK.
-
-    `capacity` is nan without an empty-pan baseline in the file.
-    """
-
-    low_K: float
-    high_K: float
-    latent_J_per_kg: float
-    capacity_J_per_kgK: float
-
-
 class Dsc(Experiment[DscOptions]):
     """Analysis of a differential scanning calorimetry."""
 
@@ -66,7 +53,7 @@ class Dsc(Experiment[DscOptions]):
     def conclude(self, outcomes: Mapping[str, Any], model: ParameterSet) -> Findings:
         data: DscData = outcomes[self.name] or synthetic_dsc(model, seed=self.options.seed)
         guess_K = self.options.first_guess_degC + ZERO_C
-        heating, cooling = both_peaks(data, guess_K)
+        found = quantities(data, guess_K)
         estimates = estimates_of(data, guess_K, seed=self.options.seed)
         synthetic = not self.options.file
         return Findings(
@@ -74,23 +61,20 @@ class Dsc(Experiment[DscOptions]):
                 Comparison(
                     "Fig. 2: A_S, A_F, M_S, M_F",
                     "values not given (Table 1 is missing)",
-                    ", ".join(
-                        f"{t - ZERO_C:.1f}"
-                        for t in (heating.low_K, heating.high_K, cooling.high_K, cooling.low_K)
-                    )
-                    + " °C",
+                    ", ".join(f"{found[name] - ZERO_C:.1f}" for name in _TEMPERATURES) + " °C",
                     "from a synthetic file of the model" if synthetic else self.options.file,
                 ),
                 Comparison(
                     "Fig. 2: latent heats; C_s, Eq. (28)",
                     "12 188 and 4 138 J/kg; 466 and 260 J/kgK (sister paper)",
-                    f"{heating.latent_J_per_kg:.0f} and {cooling.latent_J_per_kg:.0f} J/kg; "
-                    f"{heating.capacity_J_per_kgK:.0f} and {cooling.capacity_J_per_kgK:.0f} J/kgK",
+                    f"{found['latent_heating']:.0f} and {found['latent_cooling']:.0f} J/kg; "
+                    f"{found['heat_capacity_heating']:.0f} and "
+                    f"{found['heat_capacity_cooling']:.0f} J/kgK",
                     contradiction="energy",
                 ),
             ),
             (
-                _figure(data, heating, cooling),
+                _figure(data, found),
                 _table(estimates),
                 Text(
                     "The intervals hold noise and the choices of the evaluation, not the "
@@ -112,21 +96,22 @@ class Dsc(Experiment[DscOptions]):
 _CAPTION = "Heat flow into the sample, endothermic up. Vertical lines: the tangent method."
 
 
-def both_peaks(data: DscData, above_K: float, window_K: float = WINDOW_K) -> tuple[Peak, Peak]:
-    """The peaks of the heating and of the cooling half; `window_K` is the length of a tangent.
+def quantities(data: DscData, above_K: float, window_K: float = WINDOW_K) -> dict[str, float]:
+    """What the peaks of heating and cooling give, by parameter, in SI.
 
-    Raises DataFileError without a peak.
+    Capacities are nan without an empty-pan baseline in the file. `window_K` is the length of a
+    tangent. Raises DataFileError without a peak.
     """
     rate = np.gradient(data.temperature_K, data.t_s)
     lag_s = instrument_lag(data)
-    heating, cooling = (
-        _peak(data, half, above_K, sign=sign, lag_s=lag_s, window_K=window_K)
-        for half, sign in (
-            (rate > 0.5 * data.rate_K_per_s, 1.0),
-            (rate < -0.5 * data.rate_K_per_s, -1.0),
-        )
-    )
-    return heating, cooling
+    found: dict[str, float] = {}
+    for names, half, sign in (
+        (_OF_HEATING, rate > 0.5 * data.rate_K_per_s, 1.0),
+        (_OF_COOLING, rate < -0.5 * data.rate_K_per_s, -1.0),
+    ):
+        peak = _peak(data, half, above_K, sign=sign, lag_s=lag_s, window_K=window_K)
+        found |= dict(zip(names, peak, strict=True))
+    return found
 
 
 def instrument_lag(data: DscData) -> float:
@@ -149,7 +134,8 @@ def instrument_lag(data: DscData) -> float:
 
 def _peak(
     data: DscData, half: Mask, above_K: float, *, sign: float, lag_s: float, window_K: float
-) -> Peak:
+) -> tuple[float, float, float, float]:
+    """Where a peak's flanks' tangents meet the baseline (K), its area in J/kg, and C in J/kgK."""
     order = np.argsort(data.temperature_K[half])
     temperature = data.temperature_K[half][order] - sign * lag_s * data.rate_K_per_s
     flow = sign * data.heat_flow_W[half][order]
@@ -182,7 +168,7 @@ def _peak(
     if data.baseline_W is not None:
         empty = sign * data.baseline_W[half][order]
         capacity = float(np.mean((flow - empty)[far])) / (data.rate_K_per_s * data.mass_kg)
-    return Peak(low_K, high_K, area / data.mass_kg, capacity)
+    return low_K, high_K, area / data.mass_kg, capacity
 
 
 def _smooth(values: Array, temperature: Array, window_K: float) -> Array:
@@ -226,7 +212,9 @@ def estimates_of(data: DscData, above_K: float, seed: int) -> list[Estimate]:
     length of the tangents and the start of the baseline, is drawn as well: on a calorimetry that
     choice weighs more than the noise.
     """
-    smooth = _in_time(data.heat_flow_W, 5)
+    from scipy.ndimage import uniform_filter1d
+
+    smooth: Array = uniform_filter1d(data.heat_flow_W, 5, mode="nearest")
     noise = data.heat_flow_W - smooth
     rng = np.random.default_rng(seed)
     resampled = []
@@ -235,8 +223,10 @@ def estimates_of(data: DscData, above_K: float, seed: int) -> list[Estimate]:
         drawn = np.concatenate([noise[s : s + 50] for s in starts])[: noise.size]
         window_K = WINDOW_K * rng.uniform(0.6, 1.6)
         start_K = above_K + rng.uniform(-10.0, 10.0)
-        resampled.append(_numbers(replace(data, heat_flow_W=smooth + drawn), start_K, window_K))
-    value = np.array(_numbers(data, above_K, WINDOW_K))
+        found = quantities(replace(data, heat_flow_W=smooth + drawn), start_K, window_K)
+        resampled.append([found[name] for name in _QUANTITIES])
+    found = quantities(data, above_K)
+    value = np.array([found[name] for name in _QUANTITIES])
     spread = np.percentile(np.array(resampled), [2.5, 97.5], axis=0)
     low, high = np.minimum(spread[0], value), np.maximum(spread[1], value)
     return [
@@ -244,36 +234,19 @@ def estimates_of(data: DscData, above_K: float, seed: int) -> list[Estimate]:
     ]
 
 
-_HALF_DEGREE = Tolerance(difference=0.5)
-_QUANTITIES: Mapping[str, Tolerance] = {
-    "austenite_start": _HALF_DEGREE,
-    "austenite_finish": _HALF_DEGREE,
-    "martensite_start": _HALF_DEGREE,
-    "martensite_finish": _HALF_DEGREE,
-    "latent_heating": Tolerance(share=0.05),
-    "latent_cooling": Tolerance(share=0.05),
-    "heat_capacity_heating": Tolerance(share=0.05),
-    "heat_capacity_cooling": Tolerance(share=0.05),
+_OF_HEATING = ("austenite_start", "austenite_finish", "latent_heating", "heat_capacity_heating")
+_OF_COOLING = ("martensite_finish", "martensite_start", "latent_cooling", "heat_capacity_cooling")
+_TEMPERATURES = {
+    "austenite_start": "A_S",
+    "austenite_finish": "A_F",
+    "martensite_start": "M_S",
+    "martensite_finish": "M_F",
 }
-
-
-def _numbers(data: DscData, above_K: float, window_K: float) -> list[float]:
-    heating, cooling = both_peaks(data, above_K, window_K)
-    return [
-        heating.low_K,
-        heating.high_K,
-        cooling.high_K,
-        cooling.low_K,
-        heating.latent_J_per_kg,
-        cooling.latent_J_per_kg,
-        heating.capacity_J_per_kgK,
-        cooling.capacity_J_per_kgK,
-    ]
-
-
-def _in_time(values: Array, width: int) -> Array:
-    padded = np.pad(values, width // 2, mode="edge")
-    return np.convolve(padded, np.ones(width) / width, "valid")
+_HEATS = ("latent_heating", "latent_cooling", "heat_capacity_heating", "heat_capacity_cooling")
+_QUANTITIES: Mapping[str, Tolerance] = {
+    **dict.fromkeys(_TEMPERATURES, Tolerance(difference=0.5)),
+    **dict.fromkeys(_HEATS, Tolerance(share=0.05)),
+}
 
 
 def _table(estimates: Sequence[Estimate]) -> Table:
@@ -296,20 +269,14 @@ def _table(estimates: Sequence[Estimate]) -> Table:
     )
 
 
-def _figure(data: DscData, heating: Peak, cooling: Peak) -> Picture:
+def _figure(data: DscData, found: Mapping[str, float]) -> Picture:
     figure, (axes,) = new_figure(height_in=3.0)
     rate = np.gradient(data.temperature_K, data.t_s)
     for half, name, colour in ((rate > 0, "heating", "x"), (rate < 0, "cooling", "main")):
         draw(axes, data.temperature_K[half] - ZERO_C, data.heat_flow_W[half] * 1e3, name, colour)
-    for temperature, name in (
-        (heating.low_K, "A_S"),
-        (heating.high_K, "A_F"),
-        (cooling.high_K, "M_S"),
-        (cooling.low_K, "M_F"),
-    ):
-        axes.axvline(temperature - ZERO_C, color=in_print("reference"), linewidth=0.7)
-        axes.annotate(
-            name, (temperature - ZERO_C, 0.98), xycoords=("data", "axes fraction"), fontsize=8
-        )
+    for name, symbol in _TEMPERATURES.items():
+        degC = found[name] - ZERO_C
+        axes.axvline(degC, color=in_print("reference"), linewidth=0.7)
+        axes.annotate(symbol, (degC, 0.98), xycoords=("data", "axes fraction"), fontsize=8)
     label(axes, "temperature, °C", "heat flow, mW")
     return picture(figure, "Heat flow of a calorimetry on heating and cooling", _CAPTION)

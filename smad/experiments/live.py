@@ -49,7 +49,6 @@ from smad.runlog.schema import CUT
 
 if TYPE_CHECKING:
     from smad.client import Client
-    from smad.runlog.schema import Row
 
 POLL_S = 0.02
 REST_K = 1.0
@@ -239,7 +238,7 @@ class LiveDriver:
                 case Pause(seconds):
                     self.pause(plan, seconds)
                 case UntilDone(timeout_s):
-                    self._until_done(plan, "the commanded motion did not end in time", timeout_s)
+                    self.until_done(plan, "the commanded motion did not end in time", timeout_s)
 
     def _send(self, command: ModeCommand) -> None:
         client = self.client
@@ -259,20 +258,12 @@ class LiveDriver:
             case Idle():
                 client.idle()
 
-    def sample(self) -> Row | None:
-        """The last sample of the bench."""
-        return self.client.status().sample
-
     def pause(self, plan: Plan, seconds: float) -> None:
         """Let so many seconds of board time pass."""
         self._wait(plan, seconds, lambda motion: False)
 
-    def carry_out(self, plan: Plan, command: ModeCommand, otherwise: str, timeout_s: float) -> None:
-        """Send a command and wait for its end. Raises ExperimentError, `otherwise` its cause."""
-        self._send(command)
-        self._until_done(plan, otherwise, timeout_s)
-
-    def _until_done(self, plan: Plan, otherwise: str, timeout_s: float) -> None:
+    def until_done(self, plan: Plan, otherwise: str, timeout_s: float) -> None:
+        """Wait for the end of what was commanded. Raises ExperimentError, `otherwise` its cause."""
         if not self._wait(plan, timeout_s, lambda motion: motion.done):
             raise ExperimentError(
                 f"run {plan.name}: {otherwise}",
@@ -332,9 +323,9 @@ class LiveDriver:
         client = self.client
         if plan.fixture != "antagonistic":
             client.stage(0.0, RETURN_MM_PER_S)
-            self._until_done(plan, "the stage does not come back", LONGEST_REST_S)
+            self.until_done(plan, "the stage does not come back", LONGEST_REST_S)
             client.heat("x", RESET_DEGC, duration_s=3.0, use_water=False)
-            self._until_done(plan, "the spring does not warm up", LONGEST_REST_S)
+            self.until_done(plan, "the spring does not warm up", LONGEST_REST_S)
         self.cool(plan, REST_K)
 
     def cool(self, plan: Plan, within_K: float) -> None:

@@ -55,11 +55,12 @@ class RestFirstDriver(LiveDriver):
             )
 
     def _stroke(self, plan: Plan, command: DriveCurrent) -> None:
-        self.carry_out(plan, command, "the spring does not warm up", LONGEST_STROKE_S)
+        self.client.current(command)
+        self.until_done(plan, "the spring does not warm up", LONGEST_STROKE_S)
         self.cool(plan, COLD_K)
 
     def _away(self) -> str:
-        row = self.sample()
+        row = self.client.status().sample
         if self.start is None or row is None:
             return ""
         return self.start.mismatch(start_of_row(row))

@@ -8,7 +8,7 @@ import numpy as np
 
 from smad.config import ControlConfig
 from smad.control.commands import Spring, Tune
-from smad.control.metrics import hold_quality, starts, tracking_r2
+from smad.control.metrics import ripple, rms, starts, tracking_r2
 from smad.control.tuning.errors import TuningError
 from smad.control.tuning.identify import (
     LEAST_PULL_MM,
@@ -162,6 +162,7 @@ def trial_of(run: Recording) -> Trial:
     part = run.between("trial", "end")
     t = part["t_s"] - part["t_s"][0]
     reference, actual = part["reference_mm"], part["displacement_mm"]
+    signed_A = part["i_applied_x_A"] - part["i_applied_y_A"]
     sine_s = TRIAL_CYCLES * TRIAL_PERIOD_S
     later = (t > TRIAL_PERIOD_S) & (t <= sine_s)
     overshoot, errors, ripples = [], [], []
@@ -169,14 +170,8 @@ def trial_of(run: Recording) -> Trial:
         step = (t > first + 0.05) & (t <= first + 7.9)
         overshoot.append(float(np.nanmax(sign * actual[step])) - TRIAL_MM)
         at_rest = (t > first + 5.0) & (t <= first + 7.9)
-        quality = hold_quality(
-            t[at_rest],
-            (reference - actual)[at_rest],
-            (part["i_applied_x_A"][at_rest], part["i_applied_y_A"][at_rest]),
-            (part["duty_x"][at_rest], part["duty_y"][at_rest]),
-        )
-        errors.append(1e3 * quality.error_rms)
-        ripples.append(1e3 * quality.ripple_A)
+        errors.append(1e3 * rms((reference - actual)[at_rest]))
+        ripples.append(1e3 * ripple(t[at_rest], signed_A[at_rest]))
     return Trial(
         tracking_r2(reference[later], actual[later]),
         max(overshoot),
@@ -204,8 +199,5 @@ def warm_trial_of(run: Recording, spring: Spring) -> WarmTrial:
     out = np.flatnonzero(np.abs(error) > 0.5)
     settled = float(t[out[-1]]) if out.size and out[-1] < t.size - 1 else math.nan
     late = t > t[-1] - 5.0
-    current = part[f"i_applied_{spring}_A"][late]
-    quality = hold_quality(t[late], error[late], (current, 0.0 * current), (0.0 * current,) * 2)
-    return WarmTrial(
-        settled, max(0.0, -float(np.nanmin(error))), quality.error_rms, 1e3 * quality.ripple_A
-    )
+    shaken_mA = 1e3 * ripple(t[late], part[f"i_applied_{spring}_A"][late])
+    return WarmTrial(settled, max(0.0, -float(np.nanmin(error))), rms(error[late]), shaken_mA)

@@ -14,6 +14,7 @@ from smad.control.tuning.plans import (
     temperature_plan,
     temperature_trial,
 )
+from smad.control.tuning.rules import Gains
 from smad.experiments.driver import Driver
 from smad.experiments.tuned import (
     Trial,
@@ -33,7 +34,7 @@ class Session:
     """What a session found, and how the trials with the gains before and after went, if any."""
 
     tuned: Tuned
-    trials: tuple[Trial, Trial] | tuple[WarmTrial, WarmTrial] | None
+    trials: tuple[Trial | WarmTrial, Trial | WarmTrial] | None
 
     @property
     def worse(self) -> str:
@@ -51,21 +52,34 @@ class Session:
         return fields | {"toml": self.tuned.toml(), "worse": self.worse}
 
 
-def tune_displacement(driver: Driver, config: ControlConfig, *, trial: bool = True) -> Session:
-    """Tune the displacement loop of the bench behind `driver`, which has this configuration.
+def tune(driver: Driver, config: ControlConfig, spring: Spring | None, *, trial: bool) -> Session:
+    """Tune the temperature loop on a `spring`, None: the displacement loop.
 
-    Raises TuningError with the reason when the bench cannot be tuned, and what the driver raises
-    when the bench stops.
+    The bench behind `driver` has this configuration. Raises TuningError with the reason when it
+    cannot be tuned, and what the driver raises when the bench stops.
     """
-    _require(driver, *NEEDED)
-    run = driver.run(displacement_plan(config))
-    tuned = tuned_displacement(run, config)
-    if not trial:
-        return Session(tuned, None)
-    gains = {"before": tuned.before, "after": tuned.after}
-    plans = [displacement_trial(name, tuned.command(tried)) for name, tried in gains.items()]
-    before, after = map(trial_of, map(driver.run, plans))
-    return Session(tuned, (before, after))
+    for reading in NEEDED if spring is None else (f"rtd_{spring}_degC",):
+        if reading not in driver.parts():
+            raise TuningError(
+                f"the bench has no reading of {reading}",
+                action="connect the sensor; without it nothing can be tuned. Nothing was moved",
+            )
+    if spring is None:
+        run = driver.run(displacement_plan(config))
+        tuned = tuned_displacement(run, config)
+    else:
+        run = driver.run(temperature_plan(config, spring))
+        tuned = tuned_temperature(run, config, spring)
+
+    def tried(name: str, gains: Gains) -> Trial | WarmTrial:
+        command = tuned.command(gains)
+        if spring is None:
+            return trial_of(driver.run(displacement_trial(name, command)))
+        at_degC = float(run[f"rtd_{spring}_degC"][0])
+        return warm_trial_of(driver.run(temperature_trial(name, command, spring, at_degC)), spring)
+
+    both = (tried("before", tuned.before), tried("after", tuned.after)) if trial else None
+    return Session(tuned, both)
 
 
 def tune_bench(
@@ -74,45 +88,11 @@ def tune_bench(
     """Tune the bench of a client: temperature of a `spring`, None: displacement.
 
     `driver` arms and disarms it. With `apply` gains that are no worse are put in force. Raises as
-    `tune_displacement` does.
+    `tune` does.
     """
-    config = parse_config(client.config()).control
-    session = (
-        tune_displacement(driver, config, trial=trial)
-        if spring is None
-        else tune_temperature(driver, config, spring, trial=trial)
-    )
+    session = tune(driver, parse_config(client.config()).control, spring, trial=trial)
     if apply and not session.worse:
         client.tune(session.tuned.command(session.tuned.after))
         if session.tuned.band_mm:
             client.tune(Tune(hold_band_mm=session.tuned.band_mm))
     return session
-
-
-def _require(driver: Driver, *readings: str) -> None:
-    for name in readings:
-        if name not in driver.parts():
-            raise TuningError(
-                f"the bench has no reading of {name}",
-                action="connect the sensor; without it nothing can be tuned. Nothing was moved",
-            )
-
-
-def tune_temperature(
-    driver: Driver, config: ControlConfig, spring: Spring, *, trial: bool = True
-) -> Session:
-    """Tune the temperature loop on one spring. Raises as `tune_displacement` does."""
-    name = f"rtd_{spring}_degC"
-    _require(driver, name)
-    run = driver.run(temperature_plan(config, spring))
-    tuned = tuned_temperature(run, config, spring)
-    if not trial:
-        return Session(tuned, None)
-    at_degC = float(run[name][0])
-    gains = {"before": tuned.before, "after": tuned.after}
-    plans = [
-        temperature_trial(name, tuned.command(tried), spring, at_degC)
-        for name, tried in gains.items()
-    ]
-    before, after = (warm_trial_of(run, spring) for run in map(driver.run, plans))
-    return Session(tuned, (before, after))

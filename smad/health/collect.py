@@ -12,9 +12,10 @@ from smad.experiments.endurance.profile import NAME as ENDURANCE
 from smad.experiments.endurance.run import CYCLES_FILE
 from smad.health.cycles import rows_of_cycles
 from smad.health.errors import HealthError
-from smad.health.measure import new_rows
+from smad.health.measure import row_of
 from smad.health.record import FILE, Row, Value, append, read
 from smad.progress import Say
+from smad.runlog.paths import SUFFIX
 
 
 def collect(folder: Path, verdicts: Sequence[Path], *, say: Say, progress: Say) -> tuple[Row, ...]:
@@ -34,15 +35,19 @@ def collect(folder: Path, verdicts: Sequence[Path], *, say: Say, progress: Say) 
     rows = [row for row in {row.source: row for row in new}.values() if row.source not in sources]
     rows += rows_of_cycles(folder, sources)
     counted = (folder / CYCLES_FILE).exists()
-    for path, row in new_rows(folder, sources):
+    for path in sorted(folder.glob(f"*{SUFFIX}")):
+        if path.name in sources or ".recovered" in path.name:
+            continue
         progress(f"reading {path.name}")
-        if isinstance(row, RunLogError):
-            say(f"left out: {row}")
-        elif row is not None and counted and row.group == ENDURANCE:
+        try:
+            row = row_of(path)
+        except RunLogError as error:
+            say(f"left out: {error}")
+            continue
+        if row is not None and counted and row.group == ENDURANCE:
             # The statistics of its cycles have counted them.
-            rows.append(msgspec.structs.replace(row, cycles=0.0))
-        elif row is not None:
-            rows.append(row)
+            row = msgspec.structs.replace(row, cycles=0.0)
+        rows += [row] if row is not None else []
     append(folder / FILE, rows)
     return read(folder / FILE)
 

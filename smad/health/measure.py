@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 
 from smad.arrays import Array
 from smad.config import bench_in
-from smad.errors import RunLogError
+from smad.experiments.endurance.statistics import LEAST_A, most, stroke
 from smad.health.record import Row, Value
 from smad.queue.meter import DEAD_BAND_MM
 from smad.runlog.cycles import Cycles
 from smad.runlog.paths import UNNAMED
 from smad.runlog.reader import Run, read_run
 
-LEAST_A = 0.3
 LEAST_STROKE_MM = 0.5
 LEAST_SAMPLES = 50
 FIRST_SAMPLES = 20
@@ -66,16 +65,14 @@ def _values(run: Run) -> Iterator[tuple[str, Value]]:
     displacement = columns["displacement_mm"]
     finite = displacement[np.isfinite(displacement)]
     if len(finite):
-        low, high = np.percentile(finite, (1.0, 99.0))
-        if high - low > LEAST_STROKE_MM:
-            yield "stroke_mm", Value(float(high - low))
+        if (stroke_mm := stroke(finite)) > LEAST_STROKE_MM:
+            yield "stroke_mm", Value(stroke_mm)
         heated = any((columns[f"i_applied_{s}_A"][:FIRST_SAMPLES] > 0.0).any() for s in "xy")
         if run.header.part == 1 and not heated:
             # Where the springs stand before anything was heated.
             yield "rest_mm", Value(float(np.median(finite[:FIRST_SAMPLES])))
-    force = columns["force_N"][np.isfinite(columns["force_N"])]
-    if len(force):
-        yield "force_max_N", Value(float(np.percentile(force, 99.0)))
+    if np.isfinite(columns["force_N"]).any():
+        yield "force_max_N", Value(most(columns["force_N"]))
     for spring in ("x", "y"):
         yield from _resistance(columns, spring)
         yield from _cooling(columns, spring)
@@ -111,14 +108,3 @@ def _cooling(columns: Mapping[str, Array], spring: str) -> Iterator[tuple[str, V
         return
     rate = np.log(excess_K[places] / excess_K[places + width]) / (t_s[places + width] - t_s[places])
     yield f"cooling_{spring}_per_s", Value(float(np.median(rate)))
-
-
-def new_rows(folder: Path, sources: set[str]) -> Iterator[tuple[Path, Row | RunLogError | None]]:
-    """Yield each run log of a folder that has no row yet, with its row or why there is none."""
-    for path in sorted(folder.glob("*.mcap")):
-        if path.name in sources or ".recovered" in path.name:
-            continue
-        try:
-            yield path, row_of(path)
-        except RunLogError as error:
-            yield path, error

@@ -87,12 +87,8 @@ class Forecast:
     high: float
 
 
-def trend_of(name: str, x: Array, y: Array, unix_s: Array | None = None) -> Trend | None:
-    """Return the trend of a series with x and time rising; None with too few rows and sittings.
-
-    Without `unix_s` all rows are of one sitting.
-    """
-    unix_s = np.zeros_like(x) if unix_s is None else unix_s
+def trend_of(name: str, x: Array, y: Array, unix_s: Array) -> Trend | None:
+    """Return the trend of a series with x and time rising; None with too few rows and sittings."""
     finite = np.isfinite(x) & np.isfinite(y)
     x, y, unix_s = x[finite], y[finite], unix_s[finite]
     sittings = _sittings(unix_s)
@@ -145,14 +141,8 @@ def _within(y: Array, sittings: Sequence[slice], number: int) -> _Chart | None:
     if len(rows) < LEAST_ROWS:
         return None
     mean, scatter = _reference(rows[:REFERENCE])
-    changes = [
-        change._replace(
-            since=change.since + sitting.start,
-            noticed=change.noticed + sitting.start,
-            back=None if change.back is None else change.back + sitting.start,
-        )
-        for change in _changes(_deviates(rows, REFERENCE))
-    ]
+    places = range(sitting.start, sitting.stop)
+    changes = _placed(_changes(_deviates(rows, REFERENCE)), places, places)
     if changes and changes[-1].back is None:
         for later in sittings[number + 1 :]:
             if changes[-1].sign * (float(np.median(y[later])) - mean) <= 3.0 * scatter:
@@ -164,17 +154,21 @@ def _within(y: Array, sittings: Sequence[slice], number: int) -> _Chart | None:
 def _between(y: Array, sittings: Sequence[slice]) -> _Chart:
     """Return the chart of the sittings' medians."""
     medians = np.array([np.median(y[sitting]) for sitting in sittings])
-    return _Chart(
-        *_reference(medians[:REFERENCE]),
-        tuple(
-            change._replace(
-                since=sittings[change.since].start,
-                noticed=sittings[change.noticed].stop - 1,
-                back=None if change.back is None else sittings[change.back].stop - 1,
-            )
-            for change in _changes(_deviates(medians, _KNOWN_SITTINGS))
-        ),
-    )
+    changes = _changes(_deviates(medians, _KNOWN_SITTINGS))
+    first_rows, last_rows = zip(*((s.start, s.stop - 1) for s in sittings), strict=True)
+    return _Chart(*_reference(medians[:REFERENCE]), tuple(_placed(changes, first_rows, last_rows)))
+
+
+def _placed(changes: list[_Change], first: Sequence[int], last: Sequence[int]) -> list[_Change]:
+    """Return changes of a chart's points as those of rows: a point's first and last."""
+    return [
+        change._replace(
+            since=first[change.since],
+            noticed=last[change.noticed],
+            back=None if change.back is None else last[change.back],
+        )
+        for change in changes
+    ]
 
 
 def _reference(y: Array) -> tuple[float, float]:

@@ -210,24 +210,20 @@ class Columns:
     stamps: tuple[str, ...] = ()
 
 
-def read_columns(
-    path: Path, form: CsvFormat | None = None, wanted: Iterable[str] | None = None
-) -> Columns:
-    """The columns `wanted`, by default all, of any file of one run.
+def read_columns(path: Path, form: CsvFormat | None) -> Columns:
+    """The columns of any file of one run.
 
     Raises LogImportError and RunLogError for a file that cannot be read.
     """
     if not is_table(path):
         run = read_run(path)
-        logged = {
+        numbers = {
             n: np.where(recorded(c), c, np.nan) for n, c in run.columns.items() if recorded(c).any()
         }
-        names = list(logged)
-        numbers = {n: logged[n] for n in names if wanted is None or n in wanted}
-        return Columns(names, numbers, {}, tuple(run.notes))
+        return Columns(list(numbers), numbers, {}, tuple(run.notes))
     require_bounded(path)
     table = open_table(path, form)
-    remaining = [n for n in table.names if wanted is None or n in wanted]
+    remaining = table.names
     numbers, unread = dict[str, Array](), dict[str, str]()
     while remaining:
         try:

@@ -22,7 +22,6 @@ from smad.control.commands import Samples
 from smad.errors import CommandError, ConfigError
 from smad.robot.angles import Angles
 
-Segment = SegmentConfig
 JOINTS = ("pitch", "yaw")
 
 
@@ -30,7 +29,7 @@ JOINTS = ("pitch", "yaw")
 class Robot:
     """Segments by name, all axes in order, and the coupling, shape (n, n), of their tendons."""
 
-    segments: Mapping[str, Segment]
+    segments: Mapping[str, SegmentConfig]
     axes: tuple[str, ...]
     coupling: Array
 
@@ -127,10 +126,10 @@ class Robot:
                 )
 
 
-def _usual(axes: tuple[str, ...]) -> list[Segment]:
+def _usual(axes: tuple[str, ...]) -> list[SegmentConfig]:
     numbers = [axis.removeprefix("pitch-") for axis in axes if axis.startswith("pitch-")]
     return [
-        Segment(name=f"segment-{number}", pitch=f"pitch-{number}", yaw=f"yaw-{number}")
+        SegmentConfig(name=f"segment-{number}", pitch=f"pitch-{number}", yaw=f"yaw-{number}")
         for number in numbers
         if f"yaw-{number}" in axes
     ]

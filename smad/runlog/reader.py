@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -79,7 +80,7 @@ class Run:
     @property
     def duration_s(self) -> float:
         """Board time that the rows cover; a restart of the board begins it anew."""
-        return board_duration_s(self.columns["t_s"])
+        return float(np.maximum(np.diff(self.columns["t_s"]), 0.0).sum())
 
     @property
     def cut_by(self) -> str:
@@ -114,11 +115,6 @@ class Run:
         title = f"{self.path.name}: {rows_s}, {self.header.source}"
         header = ("channel", "unit", "least", "mean", "most")
         return notebook.table(title, header, rows, "; ".join(self.notes))
-
-
-def board_duration_s(t_s: Column) -> float:
-    """Return what times of the board, shape (n,), cover: all that goes forward, in s."""
-    return float(np.maximum(np.diff(t_s), 0.0).sum())
 
 
 def board_time_s(run: Run, event: Event) -> float | None:
@@ -226,25 +222,16 @@ def _read(path: Path, axis: str, progress: Share) -> Run:
 T = TypeVar("T", bound=Struct)
 
 
-class _Decoder(Generic[T]):
-    """JSON bodies to records; one that does not fit the schema is counted.
+def _decoded(record: type[T], messages: Sequence[tuple[int, bytes]]) -> list[tuple[int, T]]:
+    """JSON bodies as records, with the times of their messages in ns; fewer where some do not fit.
 
     Each by itself: parts of torn bodies must never add up to a record that nobody wrote.
     """
-
-    def __init__(self, record: type[T]) -> None:
-        self._decode_one = msgspec.json.Decoder(record).decode
-        self.refused = 0
-
-    def decode(self, bodies: Iterable[tuple[int, bytes]]) -> list[tuple[int, T]]:
-        """Return the records with the times of their messages, in ns."""
-        decoded = []
-        for time_ns, body in bodies:
-            try:
-                decoded.append((time_ns, self._decode_one(body)))
-            except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
-                self.refused += 1
-        return decoded
+    decode, decoded = msgspec.json.Decoder(record).decode, []
+    for time_ns, body in messages:
+        with contextlib.suppress(msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+            decoded.append((time_ns, decode(body)))
+    return decoded
 
 
 class _RunBuilder:
@@ -271,7 +258,7 @@ class _RunBuilder:
             LINK_TOPIC: self._link,
         }
         self._inbox_of: dict[int, list[tuple[int, bytes]]] = {}
-        self._row_decoder = _Decoder(Row)
+        self._refused = 0
         self._batches: list[dict[str, Column]] = []
 
     @property
@@ -313,7 +300,7 @@ class _RunBuilder:
 
     def finish(self, damage: Damage) -> Run:
         self._decode_rows()
-        events, link = _Decoder(Event), _Decoder(LinkSample)
+        events, link = _decoded(Event, self._events), _decoded(LinkSample, self._link)
         notes = list(damage.notes)
         if METADATA_NAME not in self._metadata:
             notes.append("the header is missing")
@@ -325,8 +312,8 @@ class _RunBuilder:
             path=self._path,
             header=RunHeader.from_metadata(self._metadata.get(METADATA_NAME, {})),
             columns=self._columns(),
-            events=[event for _, event in events.decode(self._events)],
-            link=[sample for _, sample in link.decode(self._link)],
+            events=[event for _, event in events],
+            link=[sample for _, sample in link],
             being_written=damage.being_written and not damage.ended_in_order,
             cut_short=not (damage.ended_in_order or damage.being_written),
             dropped=dropped,
@@ -337,7 +324,7 @@ class _RunBuilder:
         )
         recovered = self._metadata.get(RECOVERED_METADATA_NAME, {}).get(HOLES, "")
         notes += [f"{line}: lost before it was recovered" for line in recovered.splitlines()]
-        refused = self._row_decoder.refused + events.refused + link.refused
+        refused = self._refused + len(self._events) - len(events) + len(self._link) - len(link)
         if refused:
             notes.append(f"{counted(refused, 'message')} left out: not of the schema")
         if damage.lost_messages:
@@ -348,7 +335,8 @@ class _RunBuilder:
 
     def _decode_rows(self) -> None:
         if self._rows:
-            timed = self._row_decoder.decode(self._rows)
+            timed = _decoded(Row, self._rows)
+            self._refused += len(self._rows) - len(timed)
             self._batches.append(columns_of([row for _, row in timed]))
             self._times_ns += [time_ns for time_ns, _ in timed if self._axis]
             self._rows.clear()

@@ -24,21 +24,25 @@ class Curve(Struct, frozen=True):
     pen: str
 
 
-class Strip(Struct, frozen=True, kw_only=True):
-    """A plot with an axis of its own. `scale` multiplies what the telemetry says.
+class PlotAxis(Struct, frozen=True, kw_only=True):
+    """What the axis of a plot shows. `scale` multiplies what the telemetry says.
 
-    `limit` is the key of the configuration that bounds it, `both_ways` whether -limit does too;
-    `least` and `most` are what the axis shows at least.
+    `limit` is the key of the configuration that bounds it, `both_ways` whether -limit does too.
     """
 
-    name: str
     title: str
     unit: str
     digits: int
-    curves: tuple[Curve, ...]
     scale: float = 1.0
     limit: str = ""
     both_ways: bool = False
+
+
+class Strip(PlotAxis, frozen=True, kw_only=True):
+    """A plot with an axis of its own; `least` and `most` are what that shows at least."""
+
+    name: str
+    curves: tuple[Curve, ...]
     least: float | None = None
     most: float | None = None
     on_demand: bool = False
@@ -113,21 +117,15 @@ STRIPS = (
 )
 
 
-class Channel(Struct, frozen=True, kw_only=True):
+class Channel(PlotAxis, frozen=True, kw_only=True):
     """A channel as the live page draws it: `title` says what, `label` which of several.
 
-    `limit`, `both_ways` and `scale` are those of a strip; `span`: the axis is always this one.
+    `span`: the axis always shows this.
     """
 
     name: str
-    title: str
     label: str
-    unit: str
-    digits: int
     pen: str
-    scale: float = 1.0
-    limit: str = ""
-    both_ways: bool = False
     span: tuple[float, float] | None = None
 
 
@@ -141,15 +139,10 @@ def _of_strip(strip: Strip, curve: Curve) -> Channel:
     fixed = strip.least is not None and strip.most is not None
     return Channel(
         name=curve.column,
-        title=strip.title,
         label=curve.label,
-        unit=strip.unit,
-        digits=strip.digits,
         pen=curve.pen,
-        scale=strip.scale,
-        limit=strip.limit,
-        both_ways=strip.both_ways,
         span=(strip.least, strip.most) if fixed else None,  # type: ignore[arg-type]
+        **{name: getattr(strip, name) for name in PlotAxis.__struct_fields__},
     )
 
 

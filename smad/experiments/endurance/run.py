@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import io
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -23,7 +24,7 @@ from smad.experiments.endurance.statistics import NAMES, Cycle, bounds, cycles_o
 from smad.experiments.errors import ExperimentError
 from smad.experiments.logs import recording_of
 from smad.experiments.recording import Recording
-from smad.files import replacing
+from smad.files import append_lines, replacing
 from smad.progress import Say, silent
 from smad.runlog.paths import SUFFIX, make_folder
 from smad.runlog.reader import Run, read_run, recorded
@@ -241,16 +242,12 @@ def _check(settings: Endurance, ended: EnduranceResult, check: Callable[[int], J
 
 
 def _append(path: Path, cycles: list[Cycle]) -> None:
-    new = not path.exists()
-    if not new:
-        os.truncate(path, path.read_bytes().rfind(b"\n") + 1)
-    with path.open("a", newline="") as file:
-        writer = csv.writer(file)
-        if new:
-            writer.writerow(NAMES)
-        writer.writerows([_as_text(value) for value in structs.astuple(cycle)] for cycle in cycles)
-        file.flush()
-        os.fsync(file.fileno())
+    text = io.StringIO()
+    writer = csv.writer(text)
+    if not path.exists():
+        writer.writerow(NAMES)
+    writer.writerows([_as_text(value) for value in structs.astuple(cycle)] for cycle in cycles)
+    append_lines(path, text.getvalue().encode())
 
 
 def _as_text(value: float) -> str:

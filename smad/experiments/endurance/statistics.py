@@ -61,19 +61,19 @@ def _cycle(number: int, part: Mapping[str, Array]) -> Cycle:
         number=number,
         t_s=float(t_s[0]),
         duration_s=float(t_s[-1] - t_s[0]),
-        stroke_mm=_span(displacement_mm),
-        force_max_N=_most(part["force_N"]),
+        stroke_mm=stroke(displacement_mm),
+        force_max_N=most(part["force_N"]),
         resistance_ohm=float(np.mean(volts[heated] / current_A[heated]))
         if heated.any()
         else np.nan,
         transformation_degC=_crossing(displacement_mm, part["rtd_x_degC"]),
-        peak_degC=_most(part["rtd_x_degC"]),
+        peak_degC=most(part["rtd_x_degC"]),
         energy_J=float(np.trapezoid(np.nan_to_num(power_W), t_s)) if len(t_s) > 1 else np.nan,
     )
 
 
-def _span(values: Array) -> float:
-    """The stroke; the 1st and 99th percentile, so that a spike of one sample is none."""
+def stroke(values: Array) -> float:
+    """Return the 99th percentile less the 1st, so that a spike of one sample is none; else NaN."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return np.nan
@@ -81,7 +81,8 @@ def _span(values: Array) -> float:
     return float(high - low)
 
 
-def _most(values: Array) -> float:
+def most(values: Array) -> float:
+    """Return the 99th percentile; NaN without a value."""
     finite = values[np.isfinite(values)]
     return float(np.percentile(finite, 99.0)) if len(finite) else np.nan
 

@@ -15,7 +15,7 @@ from smad.cli import execute
 from smad.config import Config, config_to_toml
 from smad.control.commands import Tune
 from smad.experiments.tuned import Trial
-from smad.experiments.tuning import Session, tune_displacement
+from smad.experiments.tuning import Session, tune
 from smad.experiments.virtual import VirtualDriver
 from tests.smad.cli.test_commands import STATUS
 
@@ -64,9 +64,8 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Noting:
 def conducted(*_: Any, trial: bool) -> Session:
 
     config = Config()
-    return tune_displacement(
-        VirtualDriver(built_in("A"), config=config), config.control, trial=trial
-    )
+    driver = VirtualDriver(built_in("A"), config=config)
+    return tune(driver, config.control, None, trial=trial)
 
 
 def test_gains_are_shown_kept_and_applied_only_when_asked(
@@ -75,7 +74,7 @@ def test_gains_are_shown_kept_and_applied_only_when_asked(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr("smad.experiments.tuning.tune_displacement", conducted)
+    monkeypatch.setattr("smad.experiments.tuning.tune", conducted)
     assert execute(["tune", "--yes", "--no-trial"]) == 0
     assert bench.done == []
     assert "gain margin" in capsys.readouterr().out
@@ -97,9 +96,7 @@ def test_gains_that_did_worse_in_the_trial_are_neither_applied_nor_kept(
 ) -> None:
     found = conducted(trial=False).tuned
     now, new = (Trial(r2, 0.0, 9.0, 30.0, 2) for r2 in (0.99, 0.98))
-    monkeypatch.setattr(
-        "smad.experiments.tuning.tune_displacement", lambda *_, **__: Session(found, (now, new))
-    )
+    monkeypatch.setattr("smad.experiments.tuning.tune", lambda *_, **__: Session(found, (now, new)))
     kept = tmp_path / "tuned.toml"
     assert execute(["tune", "--yes", "--apply", "--save", str(kept)]) == 0
     assert bench.done == []
@@ -123,7 +120,7 @@ def test_an_interruption_ends_disarmed_and_applies_nothing(
 def test_nothing_is_armed_before_a_person_has_said_yes(
     bench: Noting, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("smad.experiments.tuning.tune_displacement", conducted)
+    monkeypatch.setattr("smad.experiments.tuning.tune", conducted)
     assert execute(["tune"]) == 1
     assert "add --yes" in capsys.readouterr().err
     monkeypatch.setattr("sys.stdin", io.StringIO("n\n"))

@@ -13,7 +13,7 @@ from smad.config import Config, ControlConfig
 from smad.control.tuning.errors import TuningError
 from smad.control.tuning.identify import cooled, pulled, stillness
 from smad.control.tuning.rules import NOISE_A, Gains, Lag, band_mm, gains_for, margins_of
-from smad.experiments.tuning import Session, tune_displacement, tune_temperature
+from smad.experiments.tuning import Session, tune
 from smad.experiments.virtual import VirtualDriver
 
 T_S = 0.01 * np.arange(400)
@@ -95,9 +95,8 @@ def test_water_that_does_not_cool_refuses() -> None:
 
 def tuned_bench(parameters: ParameterSet, *, trial: bool = False) -> Session:
     config = Config()
-    return tune_displacement(
-        VirtualDriver(Model(parameters), config=config), config.control, trial=trial
-    )
+    driver = VirtualDriver(Model(parameters), config=config)
+    return tune(driver, config.control, None, trial=trial)
 
 
 def test_the_shipped_gains_are_what_tuning_the_shipped_plant_gives() -> None:
@@ -128,17 +127,17 @@ def test_a_bench_without_encoder_or_too_weak_to_move_refuses() -> None:
     config = Config()
     blind = VirtualDriver(built_in("A"), lacking=frozenset({"displacement_mm"}))
     with pytest.raises(TuningError, match="displacement_mm"):
-        tune_displacement(blind, config.control)
+        tune(blind, config.control, None, trial=False)
     # Half an ampere warms the water, and moves nothing.
     weak = Config(control=ControlConfig(current_limit_A=0.5))
     with pytest.raises(TuningError, match="did not come to where the pulses begin"):
-        tune_displacement(VirtualDriver(built_in("A"), config=weak), weak.control)
+        tune(VirtualDriver(built_in("A"), config=weak), weak.control, None, trial=False)
 
 
 def test_the_temperature_loop_is_tuned_likewise() -> None:
     config = Config()
     driver = VirtualDriver(built_in("A"), config=config)
-    session = tune_temperature(driver, config.control, "y")
+    session = tune(driver, config.control, "y", trial=True)
     assert session.trials is not None
     before, after = session.trials
     assert after.settling_s < before.settling_s

@@ -42,7 +42,6 @@ def small_campaign(executor: ThreadPoolExecutor | None = None) -> CampaignResult
     return run_campaign(
         [make_experiment(name) for name in NAMES],
         CampaignBench(Model(given()), seed=1),
-        given(),
         executor,
     )
 
@@ -63,7 +62,7 @@ def test_estimates_that_make_no_parameter_set_are_refused_with_the_experiments_n
             return Findings((), (), (wrong,))
 
     with pytest.raises(ExperimentError, match=r"dsc cannot be analysed.*A_S = .*below A_F"):
-        run_campaign([Swapped(DscOptions())], CampaignBench(Model(NOMINAL)), NOMINAL)
+        run_campaign([Swapped(DscOptions())], CampaignBench(Model(NOMINAL)))
 
 
 def test_a_solver_that_gives_up_names_the_run_the_time_and_the_state(
@@ -75,7 +74,7 @@ def test_a_solver_that_gives_up_names_the_run_the_time_and_the_state(
     monkeypatch.setattr(Plant, "advance", advance)
     said = r"run resistance: .*not found at t = 1\.5 s with T_x_K = 310\.25"
     with pytest.raises(ExperimentError, match=said):
-        run_campaign([make_experiment("resistance")], CampaignBench(Model(NOMINAL)), NOMINAL)
+        run_campaign([make_experiment("resistance")], CampaignBench(Model(NOMINAL)))
 
 
 def test_the_page_is_self_contained_and_says_what_contradicts() -> None:

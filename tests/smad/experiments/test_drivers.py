@@ -94,7 +94,7 @@ def test_a_campaign_is_refused_whole_when_one_experiment_cannot_be_run() -> None
     experiments = [make_experiment("resistance"), make_experiment("fig9-cycle")]
     bench = CampaignBench(Model(NOMINAL), lacking=frozenset({"force_N"}))
     with pytest.raises(BenchLacksError, match=r"fig9-cycle.*the force sensor"):
-        run_campaign(experiments, bench, NOMINAL)
+        run_campaign(experiments, bench)
     with pytest.raises(BenchLacksError, match="the force sensor"):
         run_on(experiments, NoDriver("force_N"), NOMINAL)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sim_device.plant.units import ZERO_C
-from smad.experiments.dsc import both_peaks, estimates_of, instrument_lag
+from smad.experiments.dsc import estimates_of, instrument_lag, quantities
 from smad.experiments.dsc_file import COLUMNS, DscData, read_dsc, synthetic_dsc
 from smad.experiments.errors import DataFileError
 from smad.experiments.registry import make_experiment
@@ -43,9 +43,9 @@ def test_the_lag_of_the_instrument_is_found_and_taken_out() -> None:
     for lag_s in (1.0, 4.0):
         data = synthetic_dsc(NOMINAL, seed=5, lag_s=lag_s)
         assert instrument_lag(data) == pytest.approx(lag_s, abs=1.0)
-        heating, cooling = both_peaks(data, ABOVE_K)
-        assert heating.low_K == pytest.approx(NOMINAL["austenite_start"], abs=0.3)
-        assert cooling.high_K == pytest.approx(NOMINAL["martensite_start"], abs=0.3)
+        found = quantities(data, ABOVE_K)
+        for name in ("austenite_start", "martensite_start"):
+            assert found[name] == pytest.approx(NOMINAL[name], abs=0.3)
 
 
 def test_without_an_empty_pan_there_is_no_heat_capacity() -> None:
@@ -109,4 +109,4 @@ def test_a_missing_file_is_refused_with_its_path(tmp_path: Path) -> None:
 def test_a_file_without_a_peak_is_refused() -> None:
     flat = synthetic_dsc(NOMINAL.replace(latent_heating=0.0, latent_cooling=0.0), seed=1)
     with pytest.raises(DataFileError, match="no peak"):
-        both_peaks(flat, ABOVE_K)
+        quantities(flat, ABOVE_K)

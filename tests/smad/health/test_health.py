@@ -27,7 +27,7 @@ X = np.arange(0.0, 20_001.0, 500.0)
 
 
 def trend(y: np.ndarray) -> Trend:
-    found = trend_of("stroke_mm", X, y)
+    found = trend_of("stroke_mm", X, y, np.zeros_like(X))
     assert found is not None
     return found
 
@@ -124,7 +124,8 @@ def test_without_a_slope_nothing_is_forecast_nor_for_a_limit_that_lies_behind() 
 
 
 def test_too_few_rows_make_no_trend() -> None:
-    assert trend_of("a", X[: REFERENCE + 1], X[: REFERENCE + 1]) is None
+    few_rows = X[: REFERENCE + 1]
+    assert trend_of("a", few_rows, few_rows, np.zeros_like(few_rows)) is None
     few = health_of([row(1, stroke_mm=1.0)], {})
     assert headline(few) == (
         "no trend yet, 1 row in health.jsonl: a trend needs 12 runs of one name in one session, "

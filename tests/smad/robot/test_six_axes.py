@@ -11,7 +11,7 @@ import pytest
 from smad.cli import execute
 from smad.client.endpoints import FOLDER_VARIABLE
 from smad.config import Config, PlantConfig, RecorderConfig, config_to_toml
-from smad.experiments.circles import Circles, draw
+from smad.experiments.circles import draw
 from smad.processes.daemon import running_daemon
 from smad.processes.simulator import PACED
 from smad.progress import silent
@@ -36,7 +36,7 @@ def test_an_interruption_disarms_before_the_log_is_closed() -> None:
         getattr(bench, name).return_value.__exit__.side_effect = lambda *_, n=name: ended.append(n)
     bench.wait_until_done.side_effect = KeyboardInterrupt
     with pytest.raises(KeyboardInterrupt):
-        draw(bench, MagicMock(segments={"segment-1": None}), Circles(), silent)
+        draw(bench, MagicMock(segments={"segment-1": None}), 15.0, 20.0, silent)
     assert ended == ["armed", "record"]
 
 
