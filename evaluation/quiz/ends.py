@@ -36,7 +36,9 @@ def end_of(answer: dict[str, Any], report: Report, spent_s: float, programme: Pr
         "place": causes[0].place if causes else "",
         "reported_places": sorted(causes[0].reported_places) if causes else [],
         "true_places": sorted({p for e in answer["effects"] for p in e["places"]}),
+        "gap_floors": None if verdict.whole is None else round(verdict.whole.raw, 2),
         "why_over": report.why_over,
+        "ended_early": sum(bool(r.ended) for r in report.records),
         "further_runs": max(
             0,
             sum(not r.held_out for r in report.records) - sum(run.quick for run in programme.runs),
@@ -123,11 +125,18 @@ def ended(out: Path) -> list[End]:
 
 
 def table(cases: Sequence[End]) -> Table:
-    """How they ended, apart for effects in the library and others."""
+    """How they ended, apart for effects in the library and others, and for those that call it
+    settled: the rest leave several causes, spent their time or had a run ended early."""
     rows = []
     listed = [c for c in cases if c["listed"]]
     other = [c for c in cases if not c["listed"]]
-    groups = (("in the library", listed), ("not in it", other), ("all", cases))
+    settled = [c for c in cases if "settled" in c.get("why_over", "")]
+    groups = (
+        ("in the library", listed),
+        ("not in it", other),
+        ("all", cases),
+        ("called settled", settled),
+    )
     for title, members in (group for group in groups if group[1]):
         took = [c["minutes"] for c in members]
         minutes = f"{median(took):.1f} ({max(took):.1f})"

@@ -161,3 +161,13 @@ def test_the_table_counts_ends_of_listed_and_other_effects() -> None:
     assert rows["in the library: likeliest place"][2].startswith("0.50")
     assert rows["in the library: one of 1.5 places"][2].startswith("1.00")
     assert rows["all: name"][1] == "3"
+
+
+def test_the_table_counts_those_that_call_it_settled_apart() -> None:
+    cases = [
+        ended("causes", "rtd_lag") | {"why_over": "settled: rtd_lag; no other rival is near"},
+        ended("causes", "x") | {"place": "film", "why_over": "the time is spent: …"},
+    ]
+    rows = {row[0]: row for row in ends.table(cases).rows}
+    assert rows["all: likeliest place"][2].startswith("0.50")
+    assert rows["called settled: likeliest place"][1:3] == ("1", "1.00 (0.21–1.00)")
