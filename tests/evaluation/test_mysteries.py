@@ -88,6 +88,19 @@ def test_the_good_bench_is_commissioned_on_its_days_and_ended_before_the_trouble
     assert ends.mark(case) == ends.placed(case) == ends.placed_among(case) == "rightly"
 
 
+def test_a_bench_on_which_nothing_is_wrong_is_investigated_on_another_day_and_is_rightly_quiet(
+    tmp_path: Path,
+) -> None:
+    wire = FakeWire()
+    case = investigated(wire, Order(unchanged=True), tmp_path)
+    assert wire.asked[-3:] == ["good bench, day 2", "investigate", "bench ended"]
+    assert ends.mark(case) == ends.placed(case) == "wrongly"
+    quiet = case | {"outcome": "quiet"}
+    assert ends.mark(quiet) == ends.placed(quiet) == ends.placed_among(quiet) == "rightly"
+    rows = {row[0]: row for row in ends.table([case, quiet]).rows}
+    assert rows["none: likeliest place"][1:3] == ("2", "0.50 (0.09–0.91)")
+
+
 def test_one_day_holds_both_repeats(tmp_path: Path) -> None:
     wire = FakeWire()
     investigated(wire, Order(days=1), tmp_path)
