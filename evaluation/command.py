@@ -158,7 +158,7 @@ def _mysteries(options: argparse.Namespace) -> None:
     from evaluation.results.record import keep
     from smad.view.terminal.tables import print_table
 
-    order = session.Order(options.minutes, options.quick, options.days)
+    order = session.Order(options.minutes, options.quick, options.days, unchanged=options.unchanged)
     ends.run(options.seeds, options.folder, session.asked(options.folder, order, mystery.reveal))
     table = ends.table(ends.ended(options.folder))
     print_table(table)
@@ -326,6 +326,7 @@ def _quiz(commands: _Commands) -> None:
     many.add_argument(
         "--days", type=int, choices=(1, 2), default=2, help="days of the two good repeats"
     )
+    many.add_argument("--unchanged", action="store_true", help="nothing is wrong with any of them")
     many.add_argument("--folder", type=Path, required=True, help="for what became of each")
     _kept_as(many)
     many.set_defaults(run=_mysteries)

@@ -36,7 +36,9 @@ def end_of(answer: dict[str, Any], report: Report, spent_s: float, programme: Pr
         "place": causes[0].place if causes else "",
         "reported_places": sorted(causes[0].reported_places) if causes else [],
         "true_places": sorted({p for e in answer["effects"] for p in e["places"]}),
+        "gap_floors": None if verdict.whole is None else round(verdict.whole.raw, 2),
         "why_over": report.why_over,
+        "ended_early": sum(bool(r.ended) for r in report.records),
         "further_runs": max(
             0,
             sum(not r.held_out for r in report.records) - sum(run.quick for run in programme.runs),
@@ -56,7 +58,11 @@ _ENDS = {
 
 
 def mark(case: End) -> str:
-    """How an investigation ended, one of `_ENDS`; an effect of no list is rightly unknown."""
+    """How an investigation ended, one of `_ENDS`; an effect of no list is rightly unknown, and a
+    bench on which nothing is wrong rightly quiet.
+    """
+    if not case["effects"]:
+        return _unchanged(case)
     if case["outcome"] == QUIET:
         return "not noticed"
     if case["outcome"] in (CAUSES, UNEXPLAINED) and not case["names"]:
@@ -65,6 +71,10 @@ def mark(case: End) -> str:
         return "wrongly"
     truth, named = set(case["effects"]), set(case["names"])
     return "rightly" if named == truth else "with a wrong name" if truth & named else "wrongly"
+
+
+def _unchanged(case: End) -> str:
+    return "rightly" if case["outcome"] == QUIET else "wrongly"
 
 
 def placed(case: End) -> str:
@@ -83,6 +93,8 @@ def _reported_places(case: End) -> set[str]:
 
 
 def _placed(case: End, places: set[str]) -> str:
+    if not case["effects"]:
+        return _unchanged(case)
     if case["outcome"] == QUIET:
         return "not noticed"
     if not case["place"]:
@@ -123,11 +135,20 @@ def ended(out: Path) -> list[End]:
 
 
 def table(cases: Sequence[End]) -> Table:
-    """How they ended, apart for effects in the library and others."""
+    """How they ended, apart for effects in the library and others, and for those that call it
+    settled: the rest leave several causes, spent their time or had a run ended early."""
     rows = []
-    listed = [c for c in cases if c["listed"]]
+    unchanged = [c for c in cases if not c["effects"]]
+    listed = [c for c in cases if c["effects"] and c["listed"]]
     other = [c for c in cases if not c["listed"]]
-    groups = (("in the library", listed), ("not in it", other), ("all", cases))
+    settled = [c for c in cases if "settled" in c.get("why_over", "")]
+    groups = (
+        ("in the library", listed),
+        ("not in it", other),
+        ("none", unchanged),
+        ("all", cases),
+        ("called settled", settled),
+    )
     for title, members in (group for group in groups if group[1]):
         took = [c["minutes"] for c in members]
         minutes = f"{median(took):.1f} ({max(took):.1f})"

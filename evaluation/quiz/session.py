@@ -41,12 +41,16 @@ _POLL_S = 0.05
 
 @dataclass(frozen=True)
 class Order:
-    """What is done on each bench: the good repeats on `days` days, or all on one; bench time."""
+    """What is done on each bench: the good repeats on `days` days, or all on one; bench time.
+
+    `unchanged`: nothing is wrong with it when it is investigated, on a day of its own.
+    """
 
     minutes: float = 20.0
     quick: bool = False
     days: int = 2
     repeats: int = 2
+    unchanged: bool = False
 
 
 class Wire(Protocol):
@@ -80,7 +84,7 @@ def investigated(wire: Wire, order: Order, folder: Path) -> dict[str, Any]:
             )
     report = _report(baseline)
     if report is None or not report.why_over:
-        with wire.bench(good=False, day=days):
+        with wire.bench(good=order.unchanged, day=days):
             wire.smad(
                 *("gap", "investigate", "--bench", BENCH, "--baseline", str(baseline)),
                 *("--minutes", f"{order.minutes:g}"),
@@ -88,7 +92,10 @@ def investigated(wire: Wire, order: Order, folder: Path) -> dict[str, Any]:
         report = _report(baseline)
     if report is None:
         raise QuizError(f"{baseline} holds no investigation")
-    return end_of(wire.answer(), report, sum(r.took_s for r in report.records), shipped())
+    answer = wire.answer()
+    if order.unchanged:
+        answer = {**answer, "effects": []}
+    return end_of(answer, report, sum(r.took_s for r in report.records), shipped())
 
 
 def _repeats(baseline: Path) -> int:

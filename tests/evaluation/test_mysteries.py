@@ -88,6 +88,19 @@ def test_the_good_bench_is_commissioned_on_its_days_and_ended_before_the_trouble
     assert ends.mark(case) == ends.placed(case) == ends.placed_among(case) == "rightly"
 
 
+def test_a_bench_on_which_nothing_is_wrong_is_investigated_on_another_day_and_is_rightly_quiet(
+    tmp_path: Path,
+) -> None:
+    wire = FakeWire()
+    case = investigated(wire, Order(unchanged=True), tmp_path)
+    assert wire.asked[-3:] == ["good bench, day 2", "investigate", "bench ended"]
+    assert ends.mark(case) == ends.placed(case) == "wrongly"
+    quiet = case | {"outcome": "quiet"}
+    assert ends.mark(quiet) == ends.placed(quiet) == ends.placed_among(quiet) == "rightly"
+    rows = {row[0]: row for row in ends.table([case, quiet]).rows}
+    assert rows["none: likeliest place"][1:3] == ("2", "0.50 (0.09–0.91)")
+
+
 def test_one_day_holds_both_repeats(tmp_path: Path) -> None:
     wire = FakeWire()
     investigated(wire, Order(days=1), tmp_path)
@@ -161,3 +174,13 @@ def test_the_table_counts_ends_of_listed_and_other_effects() -> None:
     assert rows["in the library: likeliest place"][2].startswith("0.50")
     assert rows["in the library: one of 1.5 places"][2].startswith("1.00")
     assert rows["all: name"][1] == "3"
+
+
+def test_the_table_counts_those_that_call_it_settled_apart() -> None:
+    cases = [
+        ended("causes", "rtd_lag") | {"why_over": "settled: rtd_lag; no other rival is near"},
+        ended("causes", "x") | {"place": "film", "why_over": "the time is spent: …"},
+    ]
+    rows = {row[0]: row for row in ends.table(cases).rows}
+    assert rows["all: likeliest place"][2].startswith("0.50")
+    assert rows["called settled: likeliest place"][1:3] == ("1", "1.00 (0.21–1.00)")
