@@ -415,8 +415,7 @@ class HostSession:
             self.stats.unmatched_replies += 1
 
     def _answered(self, reply: m.Message, frame: Frame, events: list[e.HostEvent]) -> bool:
-        name = type(reply).__name__
-        if (pending := self._requests.answered(name, frame.seq, self._now_us)) is None:
+        if (pending := self._requests.answered(reply, frame.seq, self._now_us)) is None:
             return False
         self._note_arming(pending.message, reply)
         if pending.internal and isinstance(reply, m.Description):
