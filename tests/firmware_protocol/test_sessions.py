@@ -467,6 +467,17 @@ def test_two_axes_are_watched_together_and_the_worse_one_counts() -> None:
     assert pair.host.state is HostState.FAULTED
 
 
+def test_a_fault_of_another_axis_is_none_of_the_axis_that_is_used() -> None:
+    board = TestBoard(ident=msgspec.structs.replace(IDENT, axes=2))
+    pair = Pair(board=board)
+    pair.host = HostSession(nonce=1, axis=0)
+    pair.connect()
+    board.session.send_fault(msgspec.structs.replace(REPORT, axis=1))
+    pair.run(5)
+    assert pair.host.state is HostState.MONITOR
+    assert pair.told(e.FaultReported) == []
+
+
 @pytest.mark.parametrize("patience", [1, 60])
 def test_a_silent_board_is_given_up_after_the_patience_of_its_host(patience: int) -> None:
     pair = Pair()
