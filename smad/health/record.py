@@ -1,6 +1,5 @@
 """The record of a bench: one line of JSON for each run or check-up, only ever appended to."""
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
@@ -8,6 +7,7 @@ from typing import Literal
 import msgspec
 from msgspec import Struct
 
+from smad.files import append_lines
 from smad.health.errors import HealthError
 
 FILE = "health.jsonl"
@@ -82,14 +82,7 @@ def append(path: Path, rows: Sequence[Row]) -> None:
     if not rows:
         return
     try:
-        torn = path.exists() and not path.read_bytes().endswith(b"\n")
-        data = b"".join(msgspec.json.encode(row) + b"\n" for row in rows)
-        with path.open("ab") as file:
-            if torn:
-                file.truncate(path.read_bytes().rfind(b"\n") + 1)
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
+        append_lines(path, b"".join(msgspec.json.encode(row) + b"\n" for row in rows))
     except OSError as error:
         raise HealthError(
             f"cannot write {path}: {error.strerror}", action="make room, check its permissions"

@@ -2,8 +2,8 @@
 
 import contextlib
 import csv
-import os
-from collections.abc import Callable, Sequence
+import io
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
@@ -23,7 +23,7 @@ from smad.experiments.endurance.statistics import NAMES, Cycle, bounds, cycles_o
 from smad.experiments.errors import ExperimentError
 from smad.experiments.logs import recording_of
 from smad.experiments.recording import Recording
-from smad.files import replacing
+from smad.files import append_lines, replacing
 from smad.progress import Say, silent
 from smad.runlog.paths import SUFFIX, make_folder
 from smad.runlog.reader import Run, read_run, recorded
@@ -241,16 +241,14 @@ def _check(settings: Endurance, ended: EnduranceResult, check: Callable[[int], J
 
 
 def _append(path: Path, cycles: list[Cycle]) -> None:
-    new = not path.exists()
-    if not new:
-        os.truncate(path, path.read_bytes().rfind(b"\n") + 1)
-    with path.open("a", newline="") as file:
-        writer = csv.writer(file)
-        if new:
-            writer.writerow(NAMES)
-        writer.writerows([_as_text(value) for value in structs.astuple(cycle)] for cycle in cycles)
-        file.flush()
-        os.fsync(file.fileno())
+    rows = ([_as_text(value) for value in structs.astuple(cycle)] for cycle in cycles)
+    append_lines(path, _csv(rows), head=_csv([NAMES]))
+
+
+def _csv(rows: Iterable[Sequence[str]]) -> bytes:
+    text = io.StringIO()
+    csv.writer(text).writerows(rows)
+    return text.getvalue().encode()
 
 
 def _as_text(value: float) -> str:
@@ -274,22 +272,12 @@ def thin(path: Path, stretches: Sequence[tuple[int, int]], note: str) -> int:
     records: list[Record] = sorted([*rows, *run.events], key=lambda record: record.t_s or 0.0)
     records.append(Event(t_s=run.columns["t_s"][-1], kind="note", text=note))
     header = msgspec.structs.replace(run.header, notes=[*run.header.notes, note])
-    with replacing(path) as draft:
+    with replacing(path, durable=True) as draft:
         draft.unlink(missing_ok=True)
         write_run(draft, header, records)
-        _to_disk(draft)
-    _to_disk(path.parent)
     return len(rows)
 
 
 def _row(run: Run, place: int) -> Row:
     values = {name: column[place] for name, column in run.columns.items()}
     return Row(**{name: value.item() for name, value in values.items() if recorded(value)})
-
-
-def _to_disk(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
