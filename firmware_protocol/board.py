@@ -76,7 +76,6 @@ class BoardSession:
         self.stats = BoardLinkStats(self._decoder.stats)
         self._nonce: int | None = None
         self._now_us = 0
-        self._handshakes = 0
         self._outbox = Outbox()
         self._states: dict[int, m.State] = {}
         self._modes: dict[int, BoardState] = {}
@@ -253,8 +252,7 @@ class BoardSession:
             return None
         event = None
         if self.session == 0 or hello.nonce != self._nonce:
-            self._handshakes += 1
-            self.session = 1 + (self._ident.boot_count * 257 + self._handshakes) % 0xFFFF
+            self.session = (self.session or self._ident.boot_count * 257 + 1) % 0xFFFF + 1
             self._nonce = hello.nonce
             self.schema_agrees = hello.schema_crc == self._schema_crc
             self._forget_requests()

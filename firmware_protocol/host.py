@@ -60,7 +60,7 @@ class HostSession:
     long a silent board is waited for: 1 is right for a bench; more is for a simulated board that
     runs on virtual time, where a busy machine keeps it from answering and nothing moves meanwhile.
     `axis` is the one that the host uses (None: all): samples of others are counted, and are no sign
-    of life.
+    of life; their faults are not told.
     """
 
     def __init__(
@@ -396,7 +396,8 @@ class HostSession:
 
     def _on_fault(self, report: m.FaultReport, frame: Frame, events: list[e.HostEvent]) -> None:
         is_new = self._reports.note(report)
-        if self._answered(report, frame, events) or not is_new:
+        used = self._axis is None or report.axis == self._axis
+        if self._answered(report, frame, events) or not (is_new and used):
             return
         if self._mirror is not None:
             t_us = self._time.unwrap(report.t_us, self._now_us)
@@ -415,8 +416,7 @@ class HostSession:
             self.stats.unmatched_replies += 1
 
     def _answered(self, reply: m.Message, frame: Frame, events: list[e.HostEvent]) -> bool:
-        name = type(reply).__name__
-        if (pending := self._requests.answered(name, frame.seq, self._now_us)) is None:
+        if (pending := self._requests.answered(reply, frame.seq, self._now_us)) is None:
             return False
         self._note_arming(pending.message, reply)
         if pending.internal and isinstance(reply, m.Description):

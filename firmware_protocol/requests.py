@@ -17,7 +17,7 @@ from collections.abc import Callable
 import msgspec
 
 from firmware_protocol.errors import QueueFullError
-from firmware_protocol.messages import Message, ParamSave
+from firmware_protocol.messages import FaultGet, FaultReport, Message, ParamSave
 from firmware_protocol.stats import HostLinkStats
 
 TRIES = 3
@@ -64,6 +64,13 @@ class Pending(msgspec.Struct):
     tries: int = 0
     sent_us: int = 0
     deadline_us: int = 0
+
+
+def _answers(reply: Message, request: Message) -> bool:
+    # One that the board sends unasked has its index as number, which may be that of a FAULT_GET.
+    if isinstance(reply, FaultReport) and isinstance(request, FaultGet):
+        return (reply.axis, reply.index) == (request.axis, request.index)
+    return type(reply).__name__ in request.info.replies
 
 
 class RequestQueue:
@@ -128,10 +135,10 @@ class RequestQueue:
         self._send_next(now_us)
         return pending
 
-    def answered(self, reply: str, seq: int, now_us: int) -> Pending | None:
-        """Return the request that a message named `reply` with number `seq` answers, if any."""
+    def answered(self, reply: Message, seq: int, now_us: int) -> Pending | None:
+        """Return the request that a reply with number `seq` answers, if any."""
         for pending in self._sent():
-            if seq == pending.seq and reply in pending.message.info.replies:
+            if seq == pending.seq and _answers(reply, pending.message):
                 return self._finish(pending, now_us)
         return None
 

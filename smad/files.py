@@ -41,11 +41,11 @@ def read_whole(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
 
 
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, *, durable: bool = False) -> Iterator[Path]:
     """Yield a path beside `path` to write to; it replaces `path` once the block has ended.
 
     After an error it is removed and `path` stays as it was. What is no file (a pipe, a terminal) is
-    written as it is. Raises OSError.
+    written as it is. `durable`: it is on the disk whole before `path` goes. Raises OSError.
     """
     if path.exists() and not path.is_file():
         yield path
@@ -53,10 +53,28 @@ def replacing(path: Path) -> Iterator[Path]:
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         yield partial
+        if durable:
+            _to_disk(partial)
         os.replace(partial, path)
+        if durable:
+            _name_to_disk(path)
     finally:
         with contextlib.suppress(OSError):
             partial.unlink(missing_ok=True)
+
+
+def _to_disk(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _name_to_disk(path: Path) -> None:
+    # Some file systems refuse that of a folder, and the file is written.
+    with contextlib.suppress(OSError):
+        _to_disk(path.parent)
 
 
 @contextlib.contextmanager
@@ -85,16 +103,19 @@ def write_whole(path: Path, data: bytes | str) -> None:
         partial.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
-def append_lines(path: Path, data: bytes) -> None:
-    """Add whole lines to a file, in place of a last one that a power loss cut. Raises OSError.
+def append_lines(path: Path, data: bytes, head: bytes = b"") -> None:
+    """Add lines to a file; they are on the disk when this returns. Raises OSError.
 
-    They are on the disk when this returns.
+    `head` goes before the first line. A last line that was cut, by a full disk or a loss of power,
+    is removed.
     """
+    whole = path.read_bytes().rfind(b"\n") + 1 if path.exists() else 0
     with path.open("ab") as file:
-        file.truncate(path.read_bytes().rfind(b"\n") + 1)
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
+        file.truncate(whole)
+        file.write(data if whole else head + data)
+    _to_disk(path)
+    if not whole:
+        _name_to_disk(path)
 
 
 def display_path(path: str | Path) -> str:

@@ -31,7 +31,6 @@ static uint32_t boots;
 static uint8_t cause;
 static uint16_t session;
 static uint32_t nonce;
-static uint16_t handshakes;
 static bool schema_agrees;
 
 /* The last request of this session, and the frame it was answered with. */
@@ -236,8 +235,9 @@ static void on_hello(const struct smad_hello *hello, int64_t now_us)
         return;
     }
     if (session == 0 || hello->nonce != nonce) {
-        handshakes++;
-        session = (uint16_t)(1u + (boots * 257u + handshakes) % 0xFFFFu);
+        /* A number comes again after 65 535 sessions. Bytes arrive in order, so no frame of that
+         * earlier session can still be on its way. */
+        session = (uint16_t)((session == 0 ? boots * 257u + 1u : session) % 0xFFFFu + 1u);
         nonce = hello->nonce;
         schema_agrees = hello->schema_crc == SMAD_SCHEMA_CRC;
         request_seq = 0;

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -42,37 +41,50 @@ class _Ends:
     )
 
 
-def _require_pairs(options: Mapping[str, Any]) -> None:
-    if options["displacement"] and options["temperature"]:
-        raise click.UsageError("give --displacement or --temperature")
+@dataclass(frozen=True, kw_only=True)
+class _Cycle:
+    """What one cycle is."""
 
-
-@click.command(cls=Command, require=_require_pairs)
-def endurance(
-    *,
-    cycles: int = option("--cycles", "How many.", Whole(1, 10_000_000), required=True),
     displacement: tuple[float, float] | None = option(
         "--displacement LOW HIGH",
-        "Cycle between these, mm  [default: -5 5]",
+        "Without --temperature: cycle between these, mm  [default: -5 5]",
         Quantity("mm", -20.0, 20.0),
-    ),
+    )
     temperature: tuple[float, float] | None = option(
         "--temperature LOW HIGH",
         "Cycle one spring between these instead, °C.",
         Quantity("degC", 0.0, 95.0),
-    ),
+    )
     spring: Literal["x", "y"] = option(
         "--spring", "With --temperature: the spring.", click.Choice(["x", "y"]), default="x"
-    ),
+    )
     rate: float = option(
         "--rate MM/S",
         "Rate of the ramps; K/s with --temperature.",
         Quantity(low=0.01, high=50.0),
         default=2.0,
-    ),
-    dwell: float = option(
-        "--dwell S", "Pause at each end.", Quantity("s", 0.0, 600.0), default=1.0
-    ),
+    )
+    dwell: float = option("--dwell S", "Pause at each end.", Quantity("s", 0.0, 600.0), default=1.0)
+
+    def profile(self) -> Any:
+        from smad.experiments.endurance.profile import Profile
+
+        low, high = self.temperature or self.displacement or (-5.0, 5.0)
+        return Profile(
+            quantity="temperature" if self.temperature else "displacement",
+            low=low,
+            high=high,
+            rate=self.rate,
+            dwell_s=self.dwell,
+            spring=self.spring,
+        )
+
+
+@click.command(cls=Command)
+def endurance(
+    *,
+    cycles: int = option("--cycles", "How many.", Whole(1, 10_000_000), required=True),
+    cycle: _Cycle = together(_Cycle),
     every: tuple[int, str] | None = option(
         "--every N checkup",
         "With --baseline: play the quick check-up every N cycles.",
@@ -108,7 +120,6 @@ def endurance(
     from smad.experiments.endurance import run
     from smad.experiments.endurance.judgement import checker
     from smad.experiments.endurance.limits import EndLimits
-    from smad.experiments.endurance.profile import Profile
     from smad.experiments.live import LiveDriver
     from smad.experiments.ready import require_baseline, require_packages
     from smad.experiments.virtual import VirtualDriver
@@ -117,16 +128,8 @@ def endurance(
     first = run.first_cycle(folder, go_on=go_on)
     if baseline is not None:
         require_baseline(baseline)
-    low, high = temperature or displacement or (-5.0, 5.0)
     settings = run.Endurance(
-        profile=Profile(
-            quantity="temperature" if temperature else "displacement",
-            low=low,
-            high=high,
-            rate=rate,
-            dwell_s=dwell,
-            spring=spring,
-        ),
+        profile=cycle.profile(),
         cycles=cycles,
         limits=EndLimits(**asdict(ends)),
         check_every=every[0] if every else 0,
@@ -140,17 +143,13 @@ def endurance(
             driver = VirtualDriver(simulated_model(effects), seed=seed, folder=folder)
             config, logs = Config(), folder
         else:
-            connected = stack.enter_context(ready_client(bench))
-            driver = LiveDriver(
-                connected, who="smad run endurance", lease_s=lease, progress=line.say
-            )
-            config = parse_config(connected.config())
-            logs = Path(connected.status().recorder.folder)
+            client = stack.enter_context(ready_client(bench))
+            driver = LiveDriver(client, who="smad run endurance", lease_s=lease, progress=line.say)
+            config = parse_config(client.config())
+            logs = Path(client.status().recorder.folder)
         plan, room = run.prepared(settings, config, folder, logs, go_on=go_on, tell=click.echo)
-        check = None
-        if baseline is not None and every:
-            simulated = (seed, effects) if sim else None
-            check = checker(baseline, folder, driver, bench, simulated)
+        simulated = (seed, effects) if sim else None
+        check = checker(baseline, folder, driver, bench, simulated) if baseline and every else None
         ended = run.endure(plan, driver, folder, room, logs=logs, check=check, say=line.say)
     for number, judgement in ended.judgements:
         click.echo(f"check-up after {counted(number, 'cycle')}: {judgement.headline}")

@@ -30,7 +30,7 @@ def arm_and_tell(client: Client, tell: Say) -> None:
             # Somebody else may have armed it.
             raise
         except BaseException:
-            client._disarm_after_an_error()
+            client.disarm_after_an_error()
             raise
 
 

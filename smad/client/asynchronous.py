@@ -295,11 +295,11 @@ class AsyncClient(AsyncCommands):
                 # Nor is it where we know that it was stopped: somebody else may use it by now.
                 may_be_ours = (self._may_be_armed or self._leased) and not refused
                 if may_be_ours and not self._conversation.lapsed:
-                    await self._disarm_after_an_error()
+                    await self.disarm_after_an_error()
                 raise
 
-    async def _disarm_after_an_error(self) -> None:
-        """Disarm, whatever interrupts it; an error is not raised: the first one is what counts."""
+    async def disarm_after_an_error(self) -> None:
+        """Disarm, whatever interrupts it; no error is raised: the one before is what counts."""
         with contextlib.suppress(SmadError):
             while True:
                 try:

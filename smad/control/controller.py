@@ -106,7 +106,8 @@ class Controller:
             case FollowInputs():
                 self._follow_inputs(command)
             case MoveStage():
-                self._stage.move(command)
+                sample = self._sample
+                self._stage.move(command, 0.0 if sample is None else sample.displacement_m)
             case Tune():
                 self.gains = tuned(self.gains, command, most_A=self._config.current_limit_A)
                 self._displacement.tune(self.gains)
@@ -222,6 +223,8 @@ class Controller:
 class _Stage:
     """A ramp of the stretching stage; unmoved, it asks for nothing.
 
+    The first one begins at the measured displacement, which is the stage's: it may have been moved
+    before this daemon began. Without a reading it begins at 0.
     `in_use`: moved since the last arming. Before the next one the springs may be mounted anew.
     """
 
@@ -235,12 +238,12 @@ class _Stage:
     def done(self) -> bool:
         return self._at_m is None or self._at_m == self._to_m
 
-    def move(self, command: MoveStage) -> None:
+    def move(self, command: MoveStage, displacement_m: float) -> None:
         self.in_use = True
         self._to_m = command.stage_mm * 1e-3
         self._rate_m_per_s = command.rate_mm_per_s * 1e-3
         if self._at_m is None:
-            self._at_m = 0.0
+            self._at_m = displacement_m if displacement_m > 0.0 else 0.0
 
     def stop(self) -> None:
         if self._at_m is not None:

@@ -312,6 +312,7 @@ class Daemon:
         if self.black_box.due:
             self.spawn("black box", self.black_box.write_wanted())
         self._rejections.report()
+        self.recorder.look()
         error = self.recorder.failure()
         if error and error != self._recorder_error:
             self.journal.say(f"recording failed: {error}")

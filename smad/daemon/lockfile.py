@@ -9,7 +9,7 @@ import fcntl
 import os
 from pathlib import Path
 
-from smad.errors import DaemonError, SmadError, refused_by_system
+from smad.errors import DaemonError, PortError, SmadError, refused_by_system
 
 _SHARED_FOLDERS = (Path("/run/lock"), Path("/var/lock"))
 
@@ -78,13 +78,19 @@ class LockFile:
             self.descriptor = -1
 
 
-def port_lock(device: int) -> LockFile:
+class PortLock(LockFile):
+    """The lock of a port. One that cannot be had now is tried again, as the port is."""
+
+    error = PortError
+
+
+def port_lock(device: int) -> PortLock:
     """Return the lock of a serial device, by its device number: every name of it is one port."""
     name = f"smad-tty-{os.major(device)}-{os.minor(device)}.lock"
     for folder in _SHARED_FOLDERS:
         if os.access(folder, os.W_OK):
-            return LockFile(folder / name)
-    return LockFile(Path("/tmp") / name)
+            return PortLock(folder / name)
+    return PortLock(Path("/tmp") / name)
 
 
 def _open(path: Path, mode: int) -> int:

@@ -14,6 +14,9 @@ from smad.daemon.histogram import Histogram
 from smad.daemon.services import Say
 from smad.errors import CommandError
 
+MOST_WAITING = 1000
+"""Groups; each is looked at with every sample until it begins."""
+
 Group = Mapping[str, Follow]
 """What each axis, by name, is to follow."""
 
@@ -55,6 +58,13 @@ class Groups:
     def queue(self, group: Group) -> None:
         """Begin a group once its slowest axis has ended. Raises CommandError if it never could."""
         self._check(group)
+        if len(self._waiting) >= MOST_WAITING:
+            raise CommandError(
+                "too many motions of several axes wait",
+                value=len(self._waiting),
+                limit=MOST_WAITING,
+                action="queue it once one of them has begun",
+            )
         self._waiting.append(group)
 
     def wait_for(self, name: str) -> bool:
@@ -65,8 +75,9 @@ class Groups:
         """Begin what waits and can; none overtakes an earlier one that has an axis in common."""
         blocked_axes: set[str] = set()
         for group in tuple(self._waiting):
-            ended = all(self._axes[name].controller.done for name in group)
-            if ended and blocked_axes.isdisjoint(group):
+            if len(blocked_axes) == len(self._axes):
+                return
+            if blocked_axes.isdisjoint(group) and all(self._axes[n].controller.done for n in group):
                 self._waiting.remove(group)
                 try:
                     self._begin(group)

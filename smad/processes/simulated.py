@@ -32,7 +32,7 @@ def simulated(*, speed: float = 4.0, options: Sequence[str] = ()) -> Iterator[Cl
             limit=f"above 0, at most {FASTEST:g}",
             action="give another speed",
         )
-    arguments = ["--sim", "--speed", f"{speed:g}", *PACED, *options]
+    arguments = ["--sim", "--speed", f"{speed:g}", *_with_us(), *PACED, *options]
     with tempfile.TemporaryDirectory(prefix="smad-") as name:
         folder = Path(name)
         # Nobody else is there to take control from, and a notebook may think for long.
@@ -46,10 +46,15 @@ def simulated(*, speed: float = 4.0, options: Sequence[str] = ()) -> Iterator[Cl
 @contextlib.contextmanager
 def simulated_axes(count: int) -> Iterator[Client]:
     """A client of a simulated bench of so many axes, in real time; it ends with this process."""
-    arguments = ["--sim", "--axes", str(count), "--parent", str(os.getpid())]
+    arguments = ["--sim", "--axes", str(count), *_with_us()]
     with (
         tempfile.TemporaryDirectory() as folder,
         running_daemon(arguments, Path(folder)),
         Client(folder=folder) as bench,
     ):
         yield bench
+
+
+def _with_us() -> tuple[str, str]:
+    """Options of a daemon that ends with this process, also when it is killed."""
+    return "--parent", str(os.getpid())

@@ -58,6 +58,8 @@ class Runner:
         self._parts = parts
         self._process: ItemProcess | None = None
         self._item = 0
+        self._not_begun = ""
+        """Why the item that is written as running has no process, until its end is written."""
         self._asked_to_end_s: float | None = None
         self._generation: int | None = None
         """Stops of the bench that are known: of an arming, or of an item's own."""
@@ -135,6 +137,8 @@ class Runner:
             status = self._process.poll()
             if status is not None:
                 self._ended(status)
+        elif self._not_begun:
+            self._end_not_begun()
         snapshot = self._store.snapshot()
         if snapshot.mode == "running":
             snapshot = self._armed_tick(snapshot, view)
@@ -218,14 +222,17 @@ class Runner:
         try:
             self._process = self._parts.start(item, self._generation)
         except OSError as error:
-            why = f"its process cannot be started: {error.strerror}"
-            self._act(
-                self._store.change(
-                    lambda s: machine.ended(
-                        s, item.id, machine.SHORT, self._parts.wall_s(), said=why
-                    )
-                )
+            self._not_begun = f"its process cannot be started: {error.strerror}"
+            self._end_not_begun()
+
+    def _end_not_begun(self) -> None:
+        change = self._store.change(
+            lambda s: machine.ended(
+                s, self._item, machine.SHORT, self._parts.wall_s(), said=self._not_begun
             )
+        )
+        self._not_begun = ""
+        self._act(change)
 
     def _end_process(self) -> None:
         """Ask the item's process to end, once; kill it when it does not."""

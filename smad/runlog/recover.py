@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import FileIO
@@ -81,12 +80,11 @@ def recover(
         _require_free(target)
         try:
             # Whoever loses power meanwhile must not find half of it under the name of the whole.
-            with replacing(target) as partial, FileIO(partial, "xb") as file:
+            with replacing(target, durable=True) as partial, FileIO(partial, "xb") as file:
                 rewrite = _Rewrite(McapFile(file))
                 _copy(source, size, damage, rewrite, progress)
                 rewrite.finish(path, damage)
                 _refuse_if_pointless(path, damage, rewrite)
-                os.fsync(file.fileno())
         except Exception as error:
             _explain(path, target, error)
             raise

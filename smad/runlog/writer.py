@@ -10,6 +10,7 @@ at a time, which is what a control loop in the same process can bear.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import threading
 import time
@@ -286,6 +287,28 @@ def create_log(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
             path.unlink(missing_ok=True)
             raise
     return mcap, file
+
+
+def obstacle_to_log(folder: Path) -> str:
+    """Return why no log can be created in a folder, as far as that is seen; empty: nothing is."""
+    try:
+        existing = next(place for place in (folder, *folder.parents) if place.exists())
+        disk = os.statvfs(existing)
+    except OSError as error:
+        why = error.strerror or str(error)
+    else:
+        # What is kept for root is room for a daemon of root's.
+        free = disk.f_bavail if os.geteuid() else disk.f_bfree
+        if not existing.is_dir():
+            why = os.strerror(errno.ENOTDIR)
+        elif not os.access(existing, os.W_OK | os.X_OK):
+            why = os.strerror(errno.EACCES)
+        elif disk.f_blocks and not free:
+            why = os.strerror(errno.ENOSPC)
+        else:
+            return ""
+    action = "free some space or choose another ([recorder] folder in the configuration)"
+    return f"no run log can be created in {folder}: {why}; {action}"
 
 
 def _step_below_creator() -> None:

@@ -151,9 +151,9 @@ class Source:
             if axis.shown.mode == NO_WORD:
                 # The daemon missed the board sooner than we miss its samples.
                 axis.mode = None
-            axis.reference_mm = (
-                axis_status.motion.reference_mm or axis_status.motion.displacement_mm or 0.0
-            )
+            motion = axis_status.motion
+            followed = motion.reference_mm is not None
+            axis.reference_mm = (motion.reference_mm if followed else motion.displacement_mm) or 0.0
             if recorder.path != self.log_path:
                 axis.log_first_s = None
         self.log_path, self.folder = recorder.path, recorder.folder

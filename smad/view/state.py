@@ -95,6 +95,7 @@ class BenchState(Struct, frozen=True, kw_only=True):
     mode: str
     armed: bool
     running: str
+    motion_number: int
     limiter: str
     warnings: tuple[str, ...]
     trouble: Trouble | None
@@ -124,6 +125,7 @@ def bench_state(status: api.Status) -> BenchState:
         mode=motion.mode,
         armed=motion.armed,
         running=running_words(motion),
+        motion_number=motion.number,
         limiter=limiter_of(status),
         warnings=status.warnings,
         trouble=_trouble(motion.fault),

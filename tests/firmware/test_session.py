@@ -9,6 +9,7 @@ import msgspec
 import pytest
 
 from firmware_protocol import messages as wire
+from firmware_protocol.codec import CODEC
 from firmware_protocol.enums import BoardState, ErrorCode, Fault, ResetCause, ValidBit
 from firmware_protocol.events import Connected, HostEvent, HostState, RequestDone
 from firmware_protocol.framing import FrameDecoder
@@ -80,6 +81,27 @@ def test_it_says_who_it_is_and_streams_at_its_rate(
         if message.info.per_s and message.info.direction is Direction.TO_HOST:
             assert message.info.number in sent, f"this board never sends {message.__name__}"
     assert loop.host.stats.missed_states == 0
+
+
+def test_no_session_has_the_number_of_the_one_before_however_many_there_are() -> None:
+    needs("host")
+    bench = firmware_bench("host")
+    board = Loop(bench).connected().bench.board
+
+    def greet(nonces: range) -> list[int]:
+        frames = (
+            CODEC.frame(wire.Hello(wire.PROTOCOL_MAJOR, 0, own_crc(), nonce), 0, 0)
+            for nonce in nonces
+        )
+        board.receive(b"".join(frames), bench.now_us)
+        answers = FrameDecoder().feed(bytes(board.data_to_send()))
+        return [frame.session for frame in answers if frame.type == wire.Ident.info.number]
+
+    greet(range(65_530))
+    numbers = greet(range(65_530, 65_540))
+    assert len(numbers) == 10
+    assert all(a != b for a, b in itertools.pairwise(numbers))
+    bench.close()
 
 
 def test_it_describes_itself_as_the_tables_do(make: Make) -> None:

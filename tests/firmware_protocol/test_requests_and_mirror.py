@@ -19,6 +19,8 @@ from firmware_protocol.requests import (
 from firmware_protocol.stats import HostLinkStats
 from tests.firmware_protocol.pair import Pair
 
+DONE = m.Done(m.Disarm.info.number, 0)
+
 
 def queue() -> tuple[RequestQueue, list[int]]:
     sent: list[int] = []
@@ -62,15 +64,15 @@ def test_an_answer_after_a_repeat_is_not_taken_as_a_round_trip() -> None:
     requests, _ = queue()
     requests.add(m.Disarm(0), 0)
     requests.tick(FIRST_RTO_US)
-    assert requests.answered("Done", 1, FIRST_RTO_US + 10) is not None
+    assert requests.answered(DONE, 1, FIRST_RTO_US + 10) is not None
     assert requests.round_trip.srtt_us is None
     requests.add(m.Disarm(0), 0)
-    assert requests.answered("Done", 2, 3_000) is not None
+    assert requests.answered(DONE, 2, 3_000) is not None
     assert requests.round_trip.srtt_us == 3_000
 
 
-@pytest.mark.parametrize(("reply", "seq"), [("Done", 2), ("Done", 0), ("ArmToken", 1)])
-def test_an_answer_of_another_number_or_kind_answers_nothing(reply: str, seq: int) -> None:
+@pytest.mark.parametrize(("reply", "seq"), [(DONE, 2), (DONE, 0), (m.ArmToken(0, 1, 2), 1)])
+def test_an_answer_of_another_number_or_kind_answers_nothing(reply: m.Message, seq: int) -> None:
     requests, _ = queue()
     requests.add(m.Disarm(0), 0)
     assert requests.answered(reply, seq, 10) is None

@@ -306,6 +306,17 @@ def test_a_fault_is_sent_three_times_told_once_and_can_be_read_again() -> None:
     assert len(pair.told(e.FaultReported)) == 1
 
 
+def test_a_fault_that_comes_while_a_report_is_asked_for_is_told_and_no_answer() -> None:
+    pair = Pair().connect()
+    first = pair.board.session.send_fault(REPORT)
+    pair.run(5)
+    pair.host.request(m.FaultGet(0, first.index), pair.now_us)
+    other = pair.board.session.send_fault(msgspec.structs.replace(REPORT, fault=Fault.LEAK))
+    pair.run(5)
+    assert pair.told(e.FaultReported) == [e.FaultReported(first), e.FaultReported(other)]
+    assert [done.reply for done in pair.told(e.RequestDone)] == [first]
+
+
 def test_the_first_fault_is_in_the_identity_and_survives_many_later_ones() -> None:
     pair = Pair().connect()
     for _ in range(300):
@@ -454,6 +465,17 @@ def test_two_axes_are_watched_together_and_the_worse_one_counts() -> None:
     pair.move()
     pair.move()
     assert pair.host.state is HostState.FAULTED
+
+
+def test_a_fault_of_another_axis_is_none_of_the_axis_that_is_used() -> None:
+    board = TestBoard(ident=msgspec.structs.replace(IDENT, axes=2))
+    pair = Pair(board=board)
+    pair.host = HostSession(nonce=1, axis=0)
+    pair.connect()
+    board.session.send_fault(msgspec.structs.replace(REPORT, axis=1))
+    pair.run(5)
+    assert pair.host.state is HostState.MONITOR
+    assert pair.told(e.FaultReported) == []
 
 
 @pytest.mark.parametrize("patience", [1, 60])

@@ -6,7 +6,7 @@ import pytest
 
 from smad.cli import execute
 from smad.errors import CommandError
-from smad.files import replacing, require_writable, write_whole
+from smad.files import append_lines, replacing, require_writable, write_whole
 from smad.report.page import Page, write_page
 from tests.smad.runlog.helpers import write_small_run
 
@@ -55,3 +55,17 @@ def test_a_file_is_replaced_whole_or_stays_as_it_was(tmp_path: Path) -> None:
         break_off()
     assert path.read_text("utf-8") == "ä\n"
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.txt"]
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [(None, "n,s\n1,2\n"), ("n,", "n,s\n1,2\n"), ("n,s\n3,4\n5", "n,s\n3,4\n1,2\n")],
+)
+def test_lines_are_added_to_a_file_without_its_cut_line_and_below_one_head(
+    tmp_path: Path, before: str | None, after: str
+) -> None:
+    path = tmp_path / "a.csv"
+    if before is not None:
+        path.write_text(before)
+    append_lines(path, b"1,2\n", head=b"n,s\n")
+    assert path.read_text() == after

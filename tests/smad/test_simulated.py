@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 
 import psutil
@@ -10,6 +14,7 @@ import pytest
 import smad
 from smad.control.commands import Step
 from smad.errors import DaemonError, PortError
+from smad.processes.simulated import simulated, simulated_axes
 from smad.processes.simulator import simulated_bench
 
 
@@ -32,6 +37,19 @@ def test_a_simulated_bench_is_commanded_by_its_client_and_gone_after_the_block(
             now = bench.wait_until_done()
         assert now.displacement_mm == pytest.approx(1.0, abs=0.3)
     assert daemons() == []
+
+
+@pytest.mark.parametrize("begin", [simulated, partial(simulated_axes, 2)])
+def test_a_program_that_is_killed_leaves_no_simulated_bench_behind(
+    monkeypatch: pytest.MonkeyPatch, begin: Callable[[], AbstractContextManager[object]]
+) -> None:
+    def run(arguments: Sequence[str], folder: Path) -> None:
+        parent = arguments.index("--parent")
+        raise DaemonError(f"it ends with process {arguments[parent + 1]}")
+
+    monkeypatch.setattr("smad.processes.simulated.running_daemon", run)
+    with pytest.raises(DaemonError, match=f"it ends with process {os.getpid()}"), begin():
+        pass
 
 
 def test_a_port_that_goes_because_the_bench_ended_is_explained_by_the_bench(

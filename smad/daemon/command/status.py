@@ -123,7 +123,7 @@ class StatusReport:
             sample=None if last is None else axis.row(last),
             counts=self._counts(axis),
             timing=self._timing[axis.name],
-            obstacle=obstacle_to_arming(axis, self._bench.axes),
+            obstacle=obstacle_to_arming(axis, self._bench.axes) or self._bench.recorder.obstacle,
         )
 
     def _counts(self, axis: Axis) -> api.Counts:

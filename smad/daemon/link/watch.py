@@ -20,7 +20,7 @@ from firmware_protocol.events import (
     LinkLost,
     StatsReceived,
 )
-from firmware_protocol.messages import FaultGet, FaultReport, Ident, State
+from firmware_protocol.messages import FaultGet, FaultReport, Ident, Message, State
 from firmware_protocol.mirror import STOPPED
 from smad import api
 from smad.config import LinkConfig
@@ -31,7 +31,8 @@ from smad.daemon.link.requests import BoardRequests, refusal
 from smad.daemon.services import Services
 
 READ_AGAIN_US = 500_000
-_REPORTS_KEPT = 16
+_LAST_REPORT = 255
+"""The largest number of a fault report: later ones replace each other there."""
 
 
 class BoardWatch:
@@ -156,19 +157,28 @@ class BoardWatch:
         """Learn of a fault of which no report came; the board tells it on being asked."""
         standing = faults_in(state.faults)
         fault: api.Fault | None = None
-        for index in range(_REPORTS_KEPT):
-            try:
-                report = await self._requests.ask(FaultGet(self._config.axis, index))
-            except Refusal:
-                break
-            if isinstance(report, FaultReport) and report.fault in standing:
-                fault = fault_of(report)
+        report = await self._last_report()
+        if isinstance(report, FaultReport) and report.fault in standing:
+            fault = fault_of(report)
         if fault is None and standing:
             fault = api.Fault(number=int(standing[0]), name=standing[0].name)
         # Meanwhile it may have been reported, or cleared.
         if fault is not None and self.fault is None and self.mode in STOPPED:
             self.fault = fault
             self._say("fault", f"the board had stopped: {fault.in_words()}", {})
+
+    async def _last_report(self) -> Message | None:
+        """Return the board's last fault report, which is of the fault that stands; None: none."""
+        index = _LAST_REPORT
+        while True:
+            try:
+                return await self._requests.ask(FaultGet(self._config.axis, index))
+            except Refusal as refused:
+                # A report that is not there is refused with how many there are.
+                count = refused.limit
+                if not isinstance(count, int) or not 0 < count <= index:
+                    return None
+                index = count - 1
 
     def rescale(self) -> None:
         """Use the parameters as they now are for the readings."""

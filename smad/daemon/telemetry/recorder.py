@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from datetime import datetime
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from smad.errors import RunLogError
 from smad.runlog.header import RunHeader
 from smad.runlog.paths import UNNAMED, new_run_path
 from smad.runlog.schema import Event, LinkSample, Row
-from smad.runlog.writer import RunWriter
+from smad.runlog.writer import RunWriter, obstacle_to_log
 
 _BYTES_PER_MB = 1e6
 _S_PER_MIN = 60.0
@@ -51,6 +51,8 @@ class Recorder:
             1, thread_name_prefix="run log", initializer=step_below_loop
         )
         self._lock = asyncio.Lock()
+        self._looking: Future[None] | None = None
+        self._obstacle = ""
 
     @property
     def recording(self) -> bool:
@@ -80,6 +82,20 @@ class Recorder:
     def failure(self) -> str:
         """Return why the open log takes no more rows; empty while it does."""
         return "" if self._writer is None else self._writer.error or ""
+
+    @property
+    def obstacle(self) -> str:
+        """Why arming could not begin a log, when it was last looked; empty: nothing known."""
+        return "" if self.recording else self._obstacle
+
+    def look(self) -> None:
+        """Have it looked, away from the loop, what keeps arming from beginning a log."""
+        idle = self._looking is None or self._looking.done()
+        if self._config.automatic and idle and not self.recording:
+            self._looking = self._worker.submit(self._look)
+
+    def _look(self) -> None:
+        self._obstacle = obstacle_to_log(self._folder)
 
     async def start(self, name: str, *, by_command: bool, repeats: str = "") -> None:
         """Begin a log. Raises Refusal when one is open, or none can be created.

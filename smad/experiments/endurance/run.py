@@ -3,8 +3,7 @@
 import contextlib
 import csv
 import io
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
@@ -242,12 +241,14 @@ def _check(settings: Endurance, ended: EnduranceResult, check: Callable[[int], J
 
 
 def _append(path: Path, cycles: list[Cycle]) -> None:
+    rows = ([_as_text(value) for value in structs.astuple(cycle)] for cycle in cycles)
+    append_lines(path, _csv(rows), head=_csv([NAMES]))
+
+
+def _csv(rows: Iterable[Sequence[str]]) -> bytes:
     text = io.StringIO()
-    writer = csv.writer(text)
-    if not path.exists():
-        writer.writerow(NAMES)
-    writer.writerows([_as_text(value) for value in structs.astuple(cycle)] for cycle in cycles)
-    append_lines(path, text.getvalue().encode())
+    csv.writer(text).writerows(rows)
+    return text.getvalue().encode()
 
 
 def _as_text(value: float) -> str:
@@ -271,22 +272,12 @@ def thin(path: Path, stretches: Sequence[tuple[int, int]], note: str) -> int:
     records: list[Record] = sorted([*rows, *run.events], key=lambda record: record.t_s or 0.0)
     records.append(Event(t_s=run.columns["t_s"][-1], kind="note", text=note))
     header = msgspec.structs.replace(run.header, notes=[*run.header.notes, note])
-    with replacing(path) as draft:
+    with replacing(path, durable=True) as draft:
         draft.unlink(missing_ok=True)
         write_run(draft, header, records)
-        _to_disk(draft)
-    _to_disk(path.parent)
     return len(rows)
 
 
 def _row(run: Run, place: int) -> Row:
     values = {name: column[place] for name, column in run.columns.items()}
     return Row(**{name: value.item() for name, value in values.items() if recorded(value)})
-
-
-def _to_disk(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -21,6 +21,7 @@ const left = new Set(); // axes that are not to be armed
 let toArm = [];
 let someArmed = false;
 let eventsShown = "";
+let stood = ""; // where the preview of a motion begins: of which axis, and after what
 const lines = new Map(); // of the arming dialog, by what has to hold
 
 // When what stands here was of now: beside each reading stands its age from then on.
@@ -152,6 +153,12 @@ function offer(now, anyArmed) {
   $("clear").disabled = !now.trouble;
   $("idle").disabled = !now.armed;
   movable(now.armed);
+  // A motion begins where the one before has left the pair: its preview is drawn anew.
+  const stands = [link.axis, now.mode, now.running, now.motion_number].join();
+  if (stands !== stood) {
+    stood = stands;
+    $("move").oninput?.();
+  }
   showGains(now.gains);
   setText($("record-go"), now.recorder.recording ? "Stop recording" : "Record");
   $("record-name").hidden = now.recorder.recording;

@@ -153,6 +153,18 @@ def test_the_stage_moves_beside_a_temperature_hold() -> None:
     assert drive(controller, range(101, 220))[-1].stage_m == 0.020
 
 
+@pytest.mark.parametrize(
+    ("seen_m", "first_m"), [(0.030, 0.0301), (-0.002, 0.0001), (math.nan, 0.0001)]
+)
+def test_a_stage_that_was_never_moved_sets_out_from_where_it_is_measured(
+    seen_m: float, first_m: float
+) -> None:
+    controller = Controller(ControlConfig())
+    controller.step(sample(0, displacement_m=seen_m))
+    controller.command(MoveStage(stage_mm=50.0, rate_mm_per_s=10.0))
+    assert controller.step(sample(1)).stage_m == pytest.approx(first_m)
+
+
 def test_after_a_silence_the_stage_does_not_catch_up_at_once() -> None:
     controller = started(MoveStage(stage_mm=50.0, rate_mm_per_s=100.0))
     before, after = drive(controller, [1, 60])

@@ -350,6 +350,19 @@ async def test_groups_that_wait_begin_one_after_the_other(tmp_path: Path) -> Non
         assert rig.daemon.groups.skew.percentiles().count == 3
 
 
+async def test_no_more_groups_wait_than_can_be_looked_at_with_every_sample(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("smad.daemon.together.MOST_WAITING", 2)
+    async with axes_in(tmp_path) as rig:
+        await armed(rig)
+        both = {"pitch-1": [SHORT], "yaw-1": [SHORT]}
+        for queue in (False, True, True):
+            await rig.ask("together", moves=both, queue=queue)
+        with pytest.raises(Refused, match=r"too many motions .* got 2; allowed: 2"):
+            await rig.ask("together", moves=both, queue=True)
+
+
 async def test_an_axis_that_vanishes_and_comes_back_is_not_armed_by_itself(tmp_path: Path) -> None:
     boards = lines()
     async with axes_in(tmp_path, boards) as rig:

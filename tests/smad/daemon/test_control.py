@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from campaign.virtual import Refused
-from firmware_protocol.enums import BoardState, ResetCause
+from firmware_protocol.enums import BoardState, Fault, ResetCause
 from firmware_protocol.events import HostState
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
@@ -15,6 +15,7 @@ from smad.control.sample import Sample
 from smad.control.setpoint import Output
 from smad.daemon.link.port import SocketTransport
 from smad.runlog.schema import CHANNELS
+from tests.firmware_protocol.test_sessions import REPORT
 from tests.smad.daemon.rig import rig_in
 
 
@@ -239,12 +240,17 @@ async def test_a_fault_is_told_with_channel_value_and_limit_and_can_be_cleared(
         assert (motion["mode"], motion["fault"], motion["armed"]) == ("SAFE", None, False)
 
 
+@pytest.mark.parametrize("earlier", [0, 20, 300])
 async def test_a_fault_latched_before_the_connection_is_read_and_can_be_cleared(
-    tmp_path: Path,
+    tmp_path: Path, earlier: int
 ) -> None:
     bench = SimulatedBench(seed=1, faults=[injection("sensor_open", 3.0, lasts=1.0)])
     async with rig_in(tmp_path, bench) as rig:
         await rig.arm()
+        for _ in range(earlier):
+            bench.board.session.reports.add(
+                msgspec.structs.replace(REPORT, fault=Fault.SENSOR_OPEN)
+            )
         rig.pull_the_plug()
         await rig.run_for(3.0)
         rig.plug_in()
@@ -254,6 +260,7 @@ async def test_a_fault_latched_before_the_connection_is_read_and_can_be_cleared(
         latched = (await rig.ask("motion"))["fault"]
         assert latched is not None
         assert latched["measured"] is not None
+        assert latched["name"] == "SETPOINT_LOST"
         await rig.ask("clear")
         await rig.run(5)
         assert (await rig.ask("motion"))["mode"] == "SAFE"

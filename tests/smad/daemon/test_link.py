@@ -21,7 +21,7 @@ from smad.client.endpoints import (
 )
 from smad.daemon.link.link import Link
 from smad.daemon.link.port import PortFinder, SocketTransport, Transport, open_serial
-from smad.daemon.lockfile import LockFile
+from smad.daemon.lockfile import LockFile, port_lock
 from smad.errors import DaemonError, PortError
 
 
@@ -137,6 +137,16 @@ def test_a_serial_port_is_opened_once_only(tty: tuple[int, str]) -> None:
         open_serial(name, 115_200)
     transport.close()
     open_serial(name, 115_200).close()
+
+
+def test_a_port_whose_lock_cannot_be_had_is_refused_as_a_port_is(
+    tty: tuple[int, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, name = tty
+    monkeypatch.setattr("smad.daemon.lockfile._SHARED_FOLDERS", (tmp_path,))
+    port_lock(os.stat(name).st_rdev).path.mkdir()
+    with pytest.raises(PortError, match="cannot use the lock file"):
+        open_serial(name, 115_200)
 
 
 def test_a_second_name_of_the_same_port_is_refused_too(

@@ -1,8 +1,10 @@
 """What each command does, and how a refusal reads."""
 
 import asyncio
+import contextlib
 import random
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -141,6 +143,27 @@ async def test_the_status_says_before_arming_what_the_board_then_refuses_it_for(
             await rig.ask("arm")
         assert refused.value.reason == "board_refused"
         assert refused.value.data["cause"] in expected
+
+
+@pytest.mark.parametrize(
+    ("folder", "free", "told"),
+    [("", 0, "No space left on device"), ("file/runs", 1, "Not a directory")],
+)
+async def test_the_status_says_before_arming_that_no_run_log_could_begin(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str, free: int, told: str
+) -> None:
+    (tmp_path / "file").touch()
+    disk = SimpleNamespace(f_blocks=1, f_bfree=free, f_bavail=free)
+    monkeypatch.setattr("smad.runlog.writer.os.statvfs", lambda place: disk)
+    config = RecorderConfig(folder=str(tmp_path / folder))
+    async with rig_in(tmp_path, recorder=config) as rig:
+        await rig.connected()
+        await rig.run_for(1.0)
+        # The worker looks first, then begins a log or refuses to.
+        with contextlib.suppress(Refused):
+            await rig.ask("record.start")
+            await rig.ask("record.stop")
+        assert told in (await rig.ask("status"))["obstacle"]
 
 
 async def test_a_board_of_another_version_that_was_plugged_in_is_not_waited_for(

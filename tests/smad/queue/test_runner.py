@@ -436,6 +436,29 @@ def test_a_process_that_cannot_be_begun_pauses_the_queue(
     assert "Cannot allocate memory" in night.queue.item(1).reason
 
 
+def test_the_end_of_an_item_that_could_not_begin_is_written_once_there_is_room(
+    night: Night, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    change = night.store.change
+
+    def refuse(item: Item, stops: int | None) -> MadeProcess:
+        monkeypatch.setattr(night.store, "change", full)
+        raise OSError(28, "No space left on device")
+
+    def full(decide: Callable[[Snapshot], Change]) -> Change:
+        raise StoreError("no room")
+
+    object.__setattr__(night.runner._parts, "start", refuse)
+    night.add()
+    night.arm()
+    night.tick(2)
+    assert night.states() == [State.RUNNING]
+    monkeypatch.setattr(night.store, "change", change)
+    night.tick()
+    assert night.states() == [State.INTERRUPTED]
+    assert "No space left" in night.queue.item(1).reason
+
+
 def test_closing_the_runner_ends_its_item_in_order(
     night: Night, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -202,6 +202,14 @@ def test_a_motion_beyond_the_limit_is_refused_before_go(page: Any) -> None:
     until(page, lambda d: "up to 15 mm" in text_of(d, "move-preview"))
 
 
+def test_the_preview_of_a_motion_is_drawn_anew_from_where_the_last_one_ended(page: Any) -> None:
+    arm(page)
+    choose(page, "#kind", "ramp")
+    until(page, lambda d: "; from " in text_of(d, "move-preview"))
+    click(page, "#move [value=go]")
+    until(page, lambda d: "; at 2.00 mm" in text_of(d, "move-preview"))
+
+
 def test_a_mark_with_a_note_stands_on_the_page_also_without_a_run_log(page: Any) -> None:
     page.execute_script("document.getElementById('note-text').value = 'all is well'")
     click(page, "#note button")

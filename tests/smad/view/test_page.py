@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator
 from typing import Any, cast
 
 import pytest
+from msgspec.structs import replace
 from websockets.asyncio.server import ServerConnection
 
 from firmware_protocol.enums import BoardState
@@ -358,6 +359,12 @@ async def test_a_status_that_knows_of_a_lost_link_takes_back_the_state_of_the_la
     assert source.axis("").mode_name == NO_WORD
     source.axis("").mode = int(BoardState.SAFE)
     assert source.axis("").mode_name == "SAFE"
+
+
+async def test_a_motion_begins_at_the_reference_also_where_that_is_zero(rig: Rig) -> None:
+    motion = replace(MOTION, reference_mm=0.0, displacement_mm=3.0)
+    rig.source.on_status(replace(status(), motion=motion))
+    assert rig.source.axis("").reference_mm == 0.0
 
 
 @pytest.mark.parametrize(
