@@ -1,5 +1,6 @@
 """The lockstep campaign: its catalogue, a few of its cases, and benches broken behind its back."""
 
+import itertools
 import math
 import random
 
@@ -11,9 +12,11 @@ from campaign.faults.catalogue import ROWS
 from campaign.faults.lockstep import Case, run_case
 from campaign.faults.oracle import Then, judge
 from campaign.faults.scenes import SCENES
+from campaign.faults.trace import WatchedBench
 from campaign.virtual import Rig
 from firmware_protocol.enums import BoardState
 from firmware_protocol.supervisor import Supervisor
+from sim_device.board import WRAP
 from sim_device.faults import FAULT_KINDS
 from smad.errors import CommandError
 
@@ -77,6 +80,23 @@ def test_a_fault_ends_as_it_must(name: str, scene: str, fault: str) -> None:
     assert judge(outcome) == []
     assert outcome.first_fault == fault
     assert (outcome.safe_after_s is None) == (outcome.expected.then is Then.GOES_ON)
+
+
+def test_a_clock_that_is_about_to_wrap_is_watched_until_it_has(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clocks_us: list[int] = []
+    whole = WatchedBench.advance
+
+    def noted(self: WatchedBench) -> object:
+        state = whole(self)
+        clocks_us.append(self.board.now_us % WRAP)
+        return state
+
+    monkeypatch.setattr(WatchedBench, "advance", noted)
+    assert judge(run_case(case("clock_wrap"))) == []
+    wraps = [before - now > WRAP / 2 for before, now in itertools.pairwise(clocks_us)]
+    assert sum(wraps) == 1
 
 
 def test_two_faults_at_once_are_judged_together() -> None:
