@@ -28,7 +28,7 @@ BENCHES = 4
 TIGHTENED_UNHEATED_mJ = {"A": 20_000, "B": 8_000}
 """`unheated_energy_mJ` by parameter set: half more than its harshest legitimate motion needs."""
 
-_CONFIG = Config(recorder=RecorderConfig(automatic=False))
+_CONFIG = Config(recorder=RecorderConfig(automatic=False, black_box_s=0.0))
 _NOT_NOW = (Reason.NOT_CONNECTED, Reason.NOT_ARMED, Reason.FAULTED, Reason.STOPPED)
 """A script's command that is refused for these is asked for again."""
 _SHORTEST_TWIN_S = 20.0

@@ -3,6 +3,7 @@
 import itertools
 import math
 import random
+from pathlib import Path
 
 import pytest
 
@@ -108,6 +109,14 @@ def test_two_faults_at_once_are_judged_together() -> None:
 
 def test_a_case_run_twice_gives_the_same_outcome() -> None:
     assert run_case(case("bursts")) == run_case(case("bursts"))
+
+
+def test_a_case_leaves_nothing_among_the_records_of_a_bench(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run_case(case("stall"))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_outcomes_come_in_the_order_of_the_cases() -> None:
