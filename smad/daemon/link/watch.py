@@ -168,7 +168,8 @@ class BoardWatch:
         # Meanwhile it may have been reported, or cleared.
         if fault is not None and self.fault is None and self.mode in STOPPED:
             self.fault = fault
-            self._say("fault", f"the board had stopped: {fault.in_words()}", {})
+            text = f"the board had stopped: {fault.in_words()}"
+            self._say("fault", text, structs.asdict(fault))
 
     def rescale(self) -> None:
         """Use the parameters as they now are for the readings."""
