@@ -277,7 +277,7 @@ def _await_consequences(rig: Rig, outcome: Outcome, killed_unix_s: float, *, act
         outcome.stall_s = max(outcome.stall_s, stalled_s)
         now_s = time.time() - killed_unix_s
         # With daemon or simulator the simulated board is gone: nothing is left to be off or on.
-        if outcome.off_s is None and not bench_gone and _is_off():
+        if outcome.off_s is None and not bench_gone and is_off():
             outcome.off_s = round(now_s, 2)
         outcome.message_s = _first_after(rig.told, killed_unix_s)
         if outcome.relay_s is None:
@@ -295,7 +295,7 @@ def _await_consequences(rig: Rig, outcome: Outcome, killed_unix_s: float, *, act
             outcome.late.append(f"{name} after {seen_s} s, limit {limit_s:g} s")
 
 
-def _is_off() -> bool:
+def is_off() -> bool:
     """Whether the daemon says that the board is not armed; what it does not say is not known."""
     with contextlib.suppress(SmadError), Client(timeout_s=1.0) as client:
         return not client.motion().armed
