@@ -16,14 +16,13 @@ from typing import Any, Protocol
 from firmware_protocol.enums import Fault, ResetCause
 from firmware_protocol.nearest import instead
 from sim_device import foreign
-from sim_device.board import Board
+from sim_device.board import WRAP, Board
 from sim_device.errors import FaultSpecError
 from sim_device.hardware import Hardware
 from sim_device.line import PROBE, Line
 from sim_device.written import numbers_by_name
 
 NEVER = 1 << 62
-WRAP_AHEAD_US = 5_000_000
 
 Parameters = Mapping[str, float]
 
@@ -192,7 +191,7 @@ def _drift(bench: Breakable, p: Parameters) -> None:
 
 
 def _wrap(bench: Breakable, p: Parameters) -> None:
-    bench.reboot(ResetCause.PIN, start_us=(1 << 32) - WRAP_AHEAD_US)
+    bench.reboot(ResetCause.PIN, start_us=-round(p["seconds"] * 1e6) % WRAP)
 
 
 def _another(**changes: object) -> Action:
@@ -330,7 +329,8 @@ _ROWS: tuple[FaultKind, ...] = (
     FaultKind("slow_loop", "board", "each sample takes so many periods", _slow, _not_slow,
               {"times": 8.0}, (Fault.LOOP_OVERRUN,), 4.0),
     FaultKind("clock_drift", "board", "the board's clock runs fast", _drift, None, {"ppm": 200.0}),
-    FaultKind("clock_wrap", "board", "the board restarts 5 s before its clock wraps", _wrap),
+    FaultKind("clock_wrap", "board", "the board restarts so many seconds before its clock wraps",
+              _wrap, None, {"seconds": 5.0}),
     FaultKind("schema_older", "board", "the board restarts with an older message table",
               _another(codec=foreign.OLDER)),
     FaultKind("schema_newer", "board", "the board restarts with a newer message table",

@@ -192,7 +192,7 @@ _ROWS: tuple[Row, ...] = (
         budget_J=4.0),
     _of("slow_loop", Then.STOPS, {"times": whole(6, 12)}),
     _of("clock_drift", Then.GOES_ON, {"ppm": between(-200.0, 200.0)}, observe_s=10.0),
-    _restart("clock_wrap", observe_s=8.0),
+    _restart("clock_wrap", {"seconds": between(0.5, 5.0)}, observe_s=8.0),
     _restart("schema_older"),
     _restart("schema_newer"),
     _restart("major_other"),

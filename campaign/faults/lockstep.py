@@ -28,7 +28,7 @@ BENCHES = 4
 TIGHTENED_UNHEATED_mJ = {"A": 20_000, "B": 8_000}
 """`unheated_energy_mJ` by parameter set: half more than its harshest legitimate motion needs."""
 
-_CONFIG = Config(recorder=RecorderConfig(automatic=False))
+_CONFIG = Config(recorder=RecorderConfig(automatic=False, black_box_s=0.0))
 _NOT_NOW = (Reason.NOT_CONNECTED, Reason.NOT_ARMED, Reason.FAULTED, Reason.STOPPED)
 """A script's command that is refused for these is asked for again."""
 _SHORTEST_TWIN_S = 20.0
@@ -303,9 +303,9 @@ def expectation(case: Case, onset_s: float, until_s: float) -> Expectation:
     stop_J = row.stop_budget_J
     if then in (Then.GOES_ON, Then.MAY_STOP):
         more_J = stop_J if math.isfinite(stop_J) else 0.0
-        return Expectation(then, row.faults, twin_J(until_s) + _TWIN_SLACK_J + more_J)
-    must_be_named = then is Then.STOPS and row.kind.group in ("sensor", "actuator")
-    return Expectation(then, row.faults, stop_J, must_be_named)
+        budget_J = twin_J(until_s) + _TWIN_SLACK_J + more_J
+        return Expectation(then, row.faults, budget_J, host_is_told=True)
+    return Expectation(then, row.faults, stop_J, host_is_told=True)
 
 
 def _pair_expectation(

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from campaign.night.draws import Trouble
 from smad.report.page import Table
 
 MESSAGE_S = 5.0
@@ -64,6 +65,14 @@ def late(night: NightResult) -> list[str]:
         for met in night.met
         if met.paused and (met.after_s is None or met.after_s > MESSAGE_S)
     ]
+
+
+def unmet(board_s: float, seconds: float, due: Sequence[Trouble]) -> list[str]:
+    """Return what a night lacks that was to last so many seconds: time, and the troubles left."""
+    lacks = [f"{trouble.kind} at {trouble.at_s:.0f} s met no item" for trouble in due]
+    if board_s < seconds:
+        lacks.insert(0, f"the queue held no more items after {board_s:.0f} s of {seconds:.0f} s")
+    return lacks
 
 
 def troubles_table(night: NightResult) -> Table:

@@ -23,7 +23,7 @@ import psutil
 
 from campaign.night.daemon import FIFO
 from campaign.night.draws import ENDS_NOTHING, Trouble, troubles
-from campaign.night.report import MESSAGE_S, Look, Met, NightResult, late, rerun
+from campaign.night.report import MESSAGE_S, Look, Met, NightResult, late, rerun, unmet
 from campaign.rig import BAUD, DaemonRig, rig_config, start_daemon
 from smad.client import Client
 from smad.client.endpoints import FOLDER_VARIABLE
@@ -182,6 +182,8 @@ class Night:
                 self._meet(self._due.pop(0))
             self._let_person_come()
             time.sleep(_POLL_S)
+        if time.monotonic() < end_s:
+            self.result.failures += unmet(self._board_s, self._seconds, self._due)
         self._note_paused()
         self._queue.pause(now=True)
         self._until(lambda: self._queue.snapshot().running is None, "the last item ends")
@@ -376,14 +378,23 @@ class Night:
             night.failures.append(f"item {number} ran {times} times")
         night.failures += late(night)
         night.cycles = earlier_cycles(rig.logs)
-        for path in sorted(rig.logs.glob("*.mcap")):
-            if ".recovered" in path.suffixes or recovered_path(path).exists():
-                continue
-            with contextlib.suppress(SmadError):
-                if being_written(path):
-                    night.failures.append(f"{path.name} is still written")
-                elif (run := read_run(path)).cut_short and len(run):
-                    night.failures.append(f"{path.name} was cut and not recovered")
+        night.failures += faults_of_logs(rig.logs)
+
+
+def faults_of_logs(folder: Path) -> list[str]:
+    """Return what is wrong with the run logs of a folder; recovered ones are not looked into."""
+    faults = []
+    for path in sorted(folder.glob("*.mcap")):
+        if ".recovered" in path.suffixes or recovered_path(path).exists():
+            continue
+        try:
+            if being_written(path):
+                faults.append(f"{path.name} is still written")
+            elif (run := read_run(path)).cut_short and len(run):
+                faults.append(f"{path.name} was cut and not recovered")
+        except SmadError as error:
+            faults.append(f"{path.name}: {error}")
+    return faults
 
 
 @dataclass(frozen=True, kw_only=True)

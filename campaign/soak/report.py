@@ -49,6 +49,7 @@ def checks(result: StageResult) -> list[Check]:
     strange = [name for name in result.faults if name not in EXPECTED_FAULTS]
     return [
         _least("board time, s", result.board_s, stage.seconds),
+        _least("armings", result.armings, 1),
         _none("samples missed within a connection", result.missed),
         _none("times the armed board waited for the daemon in vain", result.host_timeouts),
         _same("losses of the port", result.losses, result.reconnects),

@@ -118,7 +118,6 @@ class Soak:
         self._to_flood = 0
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._slow = subscribe(self._context, connection.telemetry, b"", queue=1)
-        self._fault = ""
 
     def run(self) -> StageResult:
         """Run the stage to its end, and leave the daemon ready to be ended."""
@@ -170,11 +169,6 @@ class Soak:
         stage_result.samples, stage_result.missed = counts["samples"], counts["missed"]
         stage_result.skipped, stage_result.losses = counts["skipped"], status["link"]["losses"]
         stage_result.board_s = stage_result.samples / self._stage.rate_hz
-        fault = status["motion"]["fault"]
-        name = "" if fault is None else fault["name"]
-        if name and name != self._fault:
-            stage_result.faults.append(name)
-        self._fault = name
 
     def _order(self, command: Struct) -> bool:
         """Send a command; whether it was carried out."""
@@ -305,4 +299,6 @@ def read_back(stage_result: StageResult, runs: Path) -> None:
         ticks = run.columns["tick"].astype(np.int64)
         stage_result.logged_gaps += int((((ticks[1:] - ticks[:-1]) & 0xFFFF) != 1).sum())
         logged += [(event.text, event.data) for event in run.events]
+        # A status would miss what is cleared before the next one.
+        stage_result.faults += [event.data["name"] for event in run.events if event.kind == "fault"]
     stage_result.not_logged = not_logged(stage_result.commands.commands, logged)

@@ -44,10 +44,9 @@ def explain(fault: Fault | None = fault_argument, bench: str = bench_option) -> 
         click.echo(f"latched: {latched.in_words()}")
         fault = Fault(latched.number)
     text = FAULT_TEXTS[fault]
-    click.echo(f"{fault.name} ({int(fault)})")
-    click.echo(f"  cause:  {text.cause}")
-    click.echo(f"  remedy: {text.remedy}")
-    click.echo("  then:   smad clear, once the springs are cold; arming again is up to you")
+    click.echo(f"{fault.name} ({int(fault)})\n  cause:  {text.cause}\n  remedy: {text.remedy}")
+    if fault is not Fault.ESTOP_PRESSED:
+        click.echo("  then:   smad clear, once the springs are cold; arming again is up to you")
 
 
 @faults.command("list")

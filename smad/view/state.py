@@ -114,8 +114,8 @@ class BenchState(Struct, frozen=True, kw_only=True):
 
 
 def running_words(motion: api.Motion) -> str:
-    """Return what runs, and whether it has ended."""
-    return f"{motion.running}, {'done' if motion.done else 'under way'}"
+    """Return what runs, and whether it has ended, or what ended it early."""
+    return f"{motion.running}, {motion.ended or 'done' if motion.done else 'under way'}"
 
 
 def bench_state(status: api.Status) -> BenchState:

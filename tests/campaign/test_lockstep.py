@@ -1,7 +1,9 @@
 """The lockstep campaign: its catalogue, a few of its cases, and benches broken behind its back."""
 
+import itertools
 import math
 import random
+from pathlib import Path
 
 import pytest
 
@@ -11,9 +13,11 @@ from campaign.faults.catalogue import ROWS
 from campaign.faults.lockstep import Case, run_case
 from campaign.faults.oracle import Then, judge
 from campaign.faults.scenes import SCENES
+from campaign.faults.trace import WatchedBench
 from campaign.virtual import Rig
 from firmware_protocol.enums import BoardState
 from firmware_protocol.supervisor import Supervisor
+from sim_device.board import WRAP
 from sim_device.faults import FAULT_KINDS
 from smad.errors import CommandError
 
@@ -79,6 +83,23 @@ def test_a_fault_ends_as_it_must(name: str, scene: str, fault: str) -> None:
     assert (outcome.safe_after_s is None) == (outcome.expected.then is Then.GOES_ON)
 
 
+def test_a_clock_that_is_about_to_wrap_is_watched_until_it_has(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clocks_us: list[int] = []
+    whole = WatchedBench.advance
+
+    def noted(self: WatchedBench) -> object:
+        state = whole(self)
+        clocks_us.append(self.board.now_us % WRAP)
+        return state
+
+    monkeypatch.setattr(WatchedBench, "advance", noted)
+    assert judge(run_case(case("clock_wrap"))) == []
+    wraps = [before - now > WRAP / 2 for before, now in itertools.pairwise(clocks_us)]
+    assert sum(wraps) == 1
+
+
 def test_two_faults_at_once_are_judged_together() -> None:
     outcome = run_case(case("flip_bits", "driver_open"))
     assert judge(outcome) == []
@@ -88,6 +109,14 @@ def test_two_faults_at_once_are_judged_together() -> None:
 
 def test_a_case_run_twice_gives_the_same_outcome() -> None:
     assert run_case(case("bursts")) == run_case(case("bursts"))
+
+
+def test_a_case_leaves_nothing_among_the_records_of_a_bench(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run_case(case("stall"))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_outcomes_come_in_the_order_of_the_cases() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from campaign.command import execute
 from campaign.night.daemon import BoardInLoop
-from campaign.night.draws import TROUBLES, troubles
+from campaign.night.draws import TROUBLES, Trouble, troubles
 from campaign.night.report import (
     WEEK_H,
     Look,
@@ -19,13 +19,17 @@ from campaign.night.report import (
     rerun,
     slope_of,
     troubles_table,
+    unmet,
     week_table,
 )
+from campaign.night.run import faults_of_logs
 from firmware_protocol import messages as wire
 from firmware_protocol.enums import BoardState
 from firmware_protocol.supervisor import ArmRequested, Link
 from sim_device.bench import SimulatedBench
 from smad.errors import PortError
+from smad.runlog.header import RunHeader
+from smad.runlog.writer import write_run
 
 
 def test_every_kind_of_trouble_comes_before_any_comes_again_and_in_order() -> None:
@@ -51,6 +55,23 @@ def test_a_word_is_late_only_where_the_queue_paused() -> None:
         "kill daemon at 3 s: no word",
     ]
     assert troubles_table(found).rows[3] == ("0.00", "kill hooks", "moves", "went on", "", "")
+
+
+def test_a_night_whose_queue_ends_before_it_or_whose_troubles_do_not_come_shows_less() -> None:
+    assert unmet(3600.1, 3600.0, []) == []
+    assert unmet(900.0, 3600.0, [Trouble(1800.0, "stop")]) == [
+        "the queue held no more items after 900 s of 3600 s",
+        "stop at 1800 s met no item",
+    ]
+
+
+def test_a_run_log_that_cannot_be_read_is_a_fault_of_the_night(tmp_path: Path) -> None:
+    write_run(tmp_path / "whole.mcap", RunHeader(name="whole", started_unix_s=0.0), ())
+    assert faults_of_logs(tmp_path) == []
+    (tmp_path / "lost.mcap").write_bytes(b"nothing of a run")
+    (fault,) = faults_of_logs(tmp_path)
+    assert fault.startswith("lost.mcap: ")
+    assert "is not a run log" in fault
 
 
 def test_the_slope_is_that_of_the_longest_life_without_its_beginning() -> None:

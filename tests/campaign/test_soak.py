@@ -12,8 +12,12 @@ from campaign.scripted_client import Acknowledged
 from campaign.soak.draws import DRAWN, draw_command
 from campaign.soak.found import LOOKING, Stage, StageResult, Usage, not_logged
 from campaign.soak.report import checks
+from campaign.soak.run import read_back
 from smad import api
 from smad.control.commands import PIECES, Follow
+from smad.runlog.header import RunHeader
+from smad.runlog.schema import Event
+from smad.runlog.writer import write_run
 
 USAGE = [Usage(10.0 * n, 40.0, 28, 6) for n in range(100)]
 GOOD = StageResult(
@@ -23,6 +27,7 @@ GOOD = StageResult(
     samples=6000,
     reconnects=2,
     losses=2,
+    armings=1,
     flooded=100,
     flood_answered=100,
     commands=Acknowledged([("arm", {}), ("status", {}), ("idle", {})]),
@@ -41,6 +46,7 @@ def grown(**late: float) -> list[Usage]:
 
 DOCTORED = {
     "board time, s": replace(GOOD, board_s=59.0),
+    "armings": replace(GOOD, armings=0),
     "samples missed within a connection": replace(GOOD, missed=1),
     "times the armed board waited for the daemon in vain": replace(GOOD, host_timeouts=1),
     "losses of the port": replace(GOOD, losses=3),
@@ -97,6 +103,14 @@ def test_a_command_that_the_log_lacks_or_has_too_early_is_found() -> None:
     assert not_logged(acknowledged, [*logged[3:], *logged[:3]]) == ["move {'a': 2}"]
     # Sent twice, logged once.
     assert not_logged([("arm", {}), ("arm", {})], logged) == ["arm {}"]
+
+
+def test_every_fault_of_the_log_is_found_also_one_that_no_status_showed(tmp_path: Path) -> None:
+    faults = [Event(host_time_s=1.0, kind="fault", text="", data={"name": "LEAK"})] * 2
+    write_run(tmp_path / "soak.mcap", RunHeader(), faults)
+    found = StageResult(Stage(100, 60.0), 1)
+    read_back(found, tmp_path)
+    assert (found.log_error, found.faults) == ("", ["LEAK", "LEAK"])
 
 
 def test_a_soak_draws_every_trajectory() -> None:

@@ -165,7 +165,8 @@ class BoardWatch:
         # Meanwhile it may have been reported, or cleared.
         if fault is not None and self.fault is None and self.mode in STOPPED:
             self.fault = fault
-            self._say("fault", f"the board had stopped: {fault.in_words()}", {})
+            text = f"the board had stopped: {fault.in_words()}"
+            self._say("fault", text, structs.asdict(fault))
 
     async def _last_report(self) -> Message | None:
         """Return the board's last fault report, which is of the fault that stands; None: none."""

@@ -62,7 +62,7 @@ def screen(
     """
     if columns < LEAST_COLUMNS or rows < LEAST_ROWS:
         needed = f"This needs {LEAST_COLUMNS} columns and {LEAST_ROWS} rows."
-        return [Line(text[:columns]) for text in (needed, KEYS)][:rows]
+        return [Line(text[:columns]) for text in (said, needed, KEYS) if text][:rows]
     pinned = [Line(f"NOT LIVE: {away}", "bad")] if away else []
     if now is not None:
         pinned += [*_folded(head(now), columns), Line("")]

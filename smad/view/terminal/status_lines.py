@@ -14,7 +14,7 @@ from smad.client.endpoints import candidate_folders, running_benches
 from smad.client.link_counts import LinkCounts
 from smad.counted import counted
 from smad.files import display_path
-from smad.view.state import LINK_MEANS, limiter_of
+from smad.view.state import LINK_MEANS, limiter_of, running_words
 from smad.view.terminal.axis_lines import aged, axis_lines, number
 from smad.view.terminal.tables import wrapped
 
@@ -59,14 +59,17 @@ def head(now: Status) -> Iterator[Line]:
     yield _line("bench", f"{state}, {connection}", "warned" if motion.armed else "good")
     if motion.fault is not None:
         yield _line("fault", f"{motion.fault.in_words()} (by the {motion.fault.by})", "bad")
-        explained = FAULT_TEXTS[Fault(motion.fault.number)]
+        fault = Fault(motion.fault.number)
+        explained = FAULT_TEXTS[fault]
         yield _line("", explained.cause)
-        yield _line("", f"{explained.remedy} Then smad clear.")
+        # After the power cycle that ESTOP asks for nothing is latched.
+        then = "" if fault is Fault.ESTOP_PRESSED else " Then smad clear."
+        yield _line("", f"{explained.remedy}{then}")
     if now.warnings:
         yield _line("warnings", ", ".join(now.warnings), "warned")
-    done = "stopped" if motion.fault else "done" if motion.done else "under way"
+    done = f"{motion.running}, stopped" if motion.fault else running_words(motion)
     reference = "" if motion.reference_mm is None else f", reference {motion.reference_mm:.2f} mm"
-    yield _line("motion", f"{motion.running}, {done}{reference}")
+    yield _line("motion", f"{done}{reference}")
     if limiter := limiter_of(now):
         yield _line("limited by", limiter)
     if now.control.holder:

@@ -26,7 +26,7 @@ QUIT_KEYS = frozenset("qQ")
 def watch(bench: Client, terminal: Terminal, clock_s: Callable[[], float]) -> None:
     """Show the bench until somebody quits."""
     history, now, away, note = History(), None, "", ""
-    due_s = clock_s()
+    due_s = noted_s = clock_s()
     while True:
         if clock_s() >= due_s:
             try:
@@ -36,13 +36,14 @@ def watch(bench: Client, terminal: Terminal, clock_s: Callable[[], float]) -> No
             history.add(None if now is None or away else now.sample)
             due_s = clock_s() + REFRESH_S
         columns, rows = terminal.size()
-        terminal.draw(screen(now, history, columns=columns, rows=rows, away=away, said=note))
+        said = note and f"{clock_s() - noted_s:.0f} s ago: {note}"
+        terminal.draw(screen(now, history, columns=columns, rows=rows, away=away, said=said))
         key = terminal.key(max(0.0, due_s - clock_s()))
         if key in QUIT_KEYS:
             return
         if key in STOP_KEYS:
             note = _stopped(bench)
-            due_s = clock_s()
+            due_s = noted_s = clock_s()
 
 
 def _stopped(bench: Client) -> str:

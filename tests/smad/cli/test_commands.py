@@ -238,6 +238,24 @@ def test_status_shows_a_fault_with_value_and_limit() -> None:
     assert "Then smad clear." in text
 
 
+def test_nothing_clears_an_estop_and_status_and_explanation_do_not_say_so(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    fault = api.Fault(number=30, name="ESTOP_PRESSED", channel="BOARD")
+    motion = msgspec.structs.replace(MOTION, armed=False, mode="ESTOP", fault=fault)
+    text = "\n".join(line.text for line in lines(msgspec.structs.replace(STATUS, motion=motion)))
+    assert execute(["faults", "explain", "estop_pressed"]) == 0
+    for said in (text, capfd.readouterr().out):
+        assert "power-cycle the board" in said
+        assert "smad clear" not in said
+
+
+def test_a_motion_that_was_ended_early_is_not_called_done() -> None:
+    ended = msgspec.structs.replace(MOTION, armed=False, ended="stopped by disarm of a client")
+    text = "\n".join(line.text for line in lines(msgspec.structs.replace(STATUS, motion=ended)))
+    assert "idle, stopped by disarm of a client" in text
+
+
 @pytest.mark.parametrize(("age_s", "shown"), [(0.02, ""), (6.2, " (6 s old)")])
 def test_every_reading_of_a_lost_link_is_shown_with_its_age(age_s: float, shown: str) -> None:
     row = Row(t_s=1.0, displacement_mm=1.25, rtd_x_degC=30.0, rtd_y_degC=25.0, i_meas_x_A=2.0)

@@ -59,6 +59,11 @@ def test_a_terminal_that_is_too_small_is_told_so(size: tuple[int, int]) -> None:
     assert all(len(line.text) <= columns for line in lines)
 
 
+def test_what_came_of_a_stop_is_said_in_a_terminal_that_is_too_small_as_well() -> None:
+    drawn = screen(STATUS, History(), columns=50, rows=3, said="NOT CONFIRMED: no answer")
+    assert "NOT CONFIRMED: no answer" in [line.text for line in drawn]
+
+
 def test_readings_have_units_and_their_range() -> None:
     text = shown()
     assert "299.00 mm" in text
@@ -130,6 +135,13 @@ def test_the_stop_key_disarms_at_once_and_says_what_came_of_it() -> None:
     watch(bench, terminal, lambda: terminal.now_s)
     assert "stopped: the board is in SAFE" in terminal.drawn[1]
     assert "NOT CONFIRMED: the daemon did not answer" in terminal.drawn[2]
+
+
+def test_what_came_of_a_stop_is_not_shown_as_if_it_were_of_now() -> None:
+    bench, terminal = WatchedClient(STATUS), Terminal((0.2, " "), (60.3, "q"))
+    watch(bench, terminal, lambda: terminal.now_s)
+    assert "0 s ago: stopped: the board is in SAFE" in terminal.drawn[1]
+    assert "60 s ago: stopped: the board is in SAFE" in terminal.drawn[-1]
 
 
 def test_a_daemon_that_is_silent_is_not_shown_as_live() -> None:

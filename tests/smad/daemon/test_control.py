@@ -116,6 +116,22 @@ async def test_pulling_the_plug_lands_in_monitor_and_never_arms_again(tmp_path: 
         assert rig.bench.board.state not in (BoardState.ARMED, BoardState.HOLD)
 
 
+async def test_a_fault_from_while_the_port_was_away_is_logged_with_its_values(
+    tmp_path: Path,
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        rig.pull_the_plug()
+        await rig.run_for(1.0)
+        rig.plug_in()
+        while rig.axis.link.transport is None:
+            await asyncio.sleep(0.01)
+        await rig.run_for(3.0)
+        (fault,) = [event.data for event in rig.events if event.kind == "fault"]
+        assert fault["name"] == "SETPOINT_LOST"
+        assert fault["measured"] > fault["limit"]
+
+
 async def test_a_fault_is_shown_and_stays_after_the_port_was_reopened(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.arm()

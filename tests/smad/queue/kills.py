@@ -22,15 +22,13 @@ from pathlib import Path
 
 import psutil
 
+from campaign.night.run import faults_of_logs
 from smad.client import Client
 from smad.client.endpoints import FOLDER_VARIABLE, read_connection
 from smad.errors import SmadError
 from smad.queue.lease import RunnerLease
 from smad.queue.queue import Queue
 from smad.queue.states import Budget, Item, State
-from smad.runlog.open_logs import being_written
-from smad.runlog.reader import read_run
-from smad.runlog.recover import recovered_path
 
 VICTIMS = ("runner", "item", "daemon", "simulator", "everything")
 LATEST_S = 14.0
@@ -241,13 +239,13 @@ def trial(rig: Rig, seed: int) -> Outcome:
         time.sleep(1.5)
         # It closes the logs of the first one beside its turns.
         with contextlib.suppress(RuntimeError):
-            until(lambda: not _faults_of_logs(rig), "a log is not closed", _LOGS_CLOSED_S)
+            until(lambda: not faults_of_logs(rig.logs), "a log is not closed", _LOGS_CLOSED_S)
         _check_queue(queue, folder, outcome)
         second.terminate()
         second.wait(60.0)
         watcher.terminate()
         watcher.wait(30.0)
-    outcome.faults += _faults_of_logs(rig)
+    outcome.faults += faults_of_logs(rig.logs)
     return outcome
 
 
@@ -278,17 +276,18 @@ def _await_consequences(rig: Rig, outcome: Outcome, killed_unix_s: float, *, act
         looked_s = time.monotonic()
         outcome.stall_s = max(outcome.stall_s, stalled_s)
         now_s = time.time() - killed_unix_s
-        if outcome.off_s is None and _is_off(rig):
+        # With daemon or simulator the simulated board is gone: nothing is left to be off or on.
+        if outcome.off_s is None and not bench_gone and is_off():
             outcome.off_s = round(now_s, 2)
         outcome.message_s = _first_after(rig.told, killed_unix_s)
         if outcome.relay_s is None:
             outcome.relay_s = _first_after(rig.cut, killed_unix_s)
-        done = (outcome.message_s is not None or not active) and outcome.off_s is not None
-        if done and (outcome.relay_s is not None or not bench_gone):
+        told = outcome.message_s is not None or not active
+        if told and (outcome.relay_s if bench_gone else outcome.off_s) is not None:
             break
         time.sleep(0.05)
     for name, seen_s, limit_s, asked in (
-        ("heat", outcome.off_s, HEAT_S, True),
+        ("heat", outcome.off_s, HEAT_S, not bench_gone),
         ("message", outcome.message_s, MESSAGE_S, active),
         ("relay", outcome.relay_s, RELAY_S, bench_gone),
     ):
@@ -296,14 +295,11 @@ def _await_consequences(rig: Rig, outcome: Outcome, killed_unix_s: float, *, act
             outcome.late.append(f"{name} after {seen_s} s, limit {limit_s:g} s")
 
 
-def _is_off(rig: Rig) -> bool:
-    """Whether no current can flow: the board is not armed, or the simulated one is gone."""
-    try:
-        with Client(timeout_s=1.0) as client:
-            status = client.status()
-    except SmadError:
-        return True
-    return status.link.state == "disconnected" or not status.motion.armed
+def is_off() -> bool:
+    """Whether the daemon says that the board is not armed; what it does not say is not known."""
+    with contextlib.suppress(SmadError), Client(timeout_s=1.0) as client:
+        return not client.motion().armed
+    return False
 
 
 def _first_after(path: Path, unix_s: float) -> float | None:
@@ -325,24 +321,6 @@ def _check_queue(queue: Queue, folder: Path, outcome: Outcome) -> None:
         outcome.faults.append("something began without a person")
     if snapshot.mode != "paused" or snapshot.running is not None:
         outcome.faults.append(f"the queue is {snapshot.mode}")
-
-
-def _faults_of_logs(rig: Rig) -> list[str]:
-    faults = []
-    for path in rig.logs.glob("*.mcap"):
-        if ".recovered" in path.name or recovered_path(path).exists():
-            continue
-        try:
-            if being_written(path):
-                faults.append(f"{path.name} is still written")
-                continue
-            run = read_run(path)
-        except SmadError as error:
-            faults.append(f"{path.name}: {error}")
-            continue
-        if run.cut_short and len(run):
-            faults.append(f"{path.name} was cut and not recovered")
-    return faults
 
 
 def table(outcomes: list[Outcome]) -> str:

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from smad.client.endpoints import FOLDER_VARIABLE
+
 from . import kills, power
 
 
@@ -21,6 +23,13 @@ def test_a_power_loss_loses_no_change_that_was_acted_upon(tmp_path: Path, seed: 
 
 def test_without_waiting_for_the_disk_a_power_loss_does_lose_changes(tmp_path: Path) -> None:
     assert any(lose_power(tmp_path, seed, "OFF").lost for seed in range(5))
+
+
+def test_a_daemon_that_does_not_answer_does_not_pass_for_a_bench_that_is_off(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
+    assert not kills.is_off()
 
 
 def test_kills_of_each_part_run_nothing_twice_and_lose_nothing(tmp_path: Path) -> None:
