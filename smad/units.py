@@ -15,8 +15,8 @@ SPELLINGS: Mapping[str, str] = {
     "sec": "s", "msec": "ms", "seconds": "s", "sekunden": "s", "milliseconds": "ms",
     "minutes": "min", "hours": "h", "volt": "V", "volts": "V", "ampere": "A", "amps": "A",
     "newton": "N", "Nm": "N m", "mNm": "mN m", "N·m": "N m", "N*m": "N m",
-    "PSI": "psi", "hPa": "mbar", "°/s": "deg/s", "r/min": "rpm", "1/min": "rpm", "°C/s": "K/s",
-    "C/s": "K/s",
+    "N.m": "N m", "rev/min": "rpm", "PSI": "psi", "hPa": "mbar", "°/s": "deg/s", "r/min": "rpm",
+    "1/min": "rpm", "°C/s": "K/s", "C/s": "K/s",
 }  # fmt: skip
 """Other ways to write a unit of the table; words in small or capital letters."""
 

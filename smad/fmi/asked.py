@@ -19,6 +19,7 @@ from smad.simulators.by_map import tables_by_map
 from smad.simulators.columns import Table, span_of
 from smad.simulators.declare import Simulator
 from smad.simulators.planning import Plan, plan
+from smad.units import spelt
 
 _SIGN_OF_RANGE = 0.01
 """Of what a term goes with: beside its whole range tanh is then as steep as a sign."""
@@ -68,7 +69,7 @@ def declare_unit(
             for name, row in mapped.parameters.items()
         ),
         effects=tuple(_terms(mapped)),
-        units={name: row.unit for name, row in rows.items()},
+        units={name: spelt(row.unit) for name, row in rows.items()},
         noise={name: row.noise for name, row in channels if not math.isnan(row.noise)},
         quanta={name: row.quantum for name, row in channels if not math.isnan(row.quantum)},
         ranges={name: (row.low, row.high) for name, row in rows.items() if row.ranged},

@@ -17,6 +17,7 @@ from smad.fmi.errors import FmiError
 from smad.fmi.unit_file import UnitFile
 from smad.records.units import Written
 from smad.simulators.by_map import ColumnMap, ColumnRow, Held, ModelParameterRow, Number, Positive
+from smad.units import known, spelt
 
 _FROM_RECORDS = math.nan
 
@@ -231,14 +232,17 @@ def _require(unit: UnitFile, key: str, variable: str, roles: tuple[str, ...]) ->
 
 
 def _require_unit(unit: UnitFile, key: str, row: Any) -> None:
-    has = unit.variables[row.variable].unit
-    converted = (getattr(row, "scale", 1.0), getattr(row, "offset", 0.0)) != (1.0, 0.0)
-    dimensionless = {"", "1", None}
-    if converted or isinstance(row, TermRow) or has in dimensionless or has == row.unit:
+    about = unit.variables[row.variable]
+    # A declared type has the unit of its variables.
+    has = spelt(about.unit or getattr(about.declaredType, "unit", None) or "")
+    converted = isinstance(row, ColumnRow) and not row.plain
+    same = has == spelt(row.unit) or known(has) == known(spelt(row.unit)) is not None
+    if converted or isinstance(row, TermRow) or has in {"", "1"} or same:
         return
+    of_column = ": a column whose name ends with another is converted; or give scale and offset"
     raise FmiError(
         f"{key}: {row.variable} is in another unit in {unit.path.name}",
         value=row.unit,
         limit=has,
-        action="use that unit, or give scale and offset for an input or a channel",
+        action=f"use that unit{of_column if isinstance(row, ColumnRow) else ''}",
     )

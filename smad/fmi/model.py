@@ -101,7 +101,7 @@ class UnitModel:
             return of
         rate = of not in self._map.channels
         row = self._map.channels[of.removesuffix("_rate") if rate else of]
-        return (start.get(of, 0.0) - (0.0 if rate else row.offset)) / row.scale
+        return (start[of] - (0.0 if rate else row.offset)) / row.scale
 
     def _replayed(
         self, values: Mapping[str, float], t_s: Array, rows: Array, fed: Sequence[_Fed]

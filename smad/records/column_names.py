@@ -62,9 +62,9 @@ _ALL = "docs/guide/run-logs.md has them all"
 class ColumnRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What one column is. Value in `column_unit` = number in the file · `scale` + `offset`.
 
-    `column_unit` empty: that which the name ends with, or with a scale or offset, or without one in
-    the name, the channel's. `hold`: a number is in force until the next one, as in a log that is
-    written on change.
+    `column_unit` empty: that which the name ends with, or with a scale (no sign) or offset, or
+    without one in the name, the channel's. `hold`: a number is in force until the next one, as in a
+    log that is written on change.
     """
 
     channel: str
@@ -180,8 +180,8 @@ def _checked(name: str, rule: ColumnRule) -> ColumnRule:
             action=f"correct the mapping file: {instead(rule.channel, CHANNELS, _ALL)}",
         )
     named = parted(name)[1]
-    # With a factor the rule converts itself.
-    plain = (rule.scale, rule.offset) == (1.0, 0.0)
+    # With a factor, other than a sign, the rule converts itself.
+    plain = (abs(rule.scale), rule.offset) == (1.0, 0.0)
     taken = named if plain and named in units_for(channel.unit) else channel.unit
     unit = spelt(rule.column_unit) or taken
     if unit not in units_for(channel.unit):

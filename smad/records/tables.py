@@ -12,10 +12,11 @@ import numpy as np
 
 from smad.arrays import Array
 from smad.counted import listed
-from smad.errors import LogImportError, SmadError
+from smad.errors import LogImportError, RunLogError, SmadError
 from smad.records.bag_table import is_bag, open_bag
 from smad.records.csv_table import CsvFormat, open_csv
 from smad.runlog.bounds import require_bounded
+from smad.runlog.paths import SUFFIX
 from smad.runlog.reader import read_run, recorded
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ def left_out(names: Sequence[str], why: str = "") -> tuple[str, ...]:
     return (f"columns left out{why}: {listed(named, _MOST_NAMED)}",)
 
 
+ROUNDED = 0.2
+"""Of the steps of a time, that are 0 where it was written with too few digits."""
 _MOST_DIGITS_BYTES = 64
 _MOST_TEXT_BYTES = 1_000_000
 """Of a column of Parquet that holds numbers as texts: for each row, and besides."""
@@ -216,7 +219,12 @@ def read_columns(path: Path, form: CsvFormat | None) -> Columns:
     Raises LogImportError and RunLogError for a file that cannot be read.
     """
     if not is_table(path):
-        run = read_run(path)
+        try:
+            run = read_run(path)
+        except RunLogError:
+            if not path.name.lower().endswith(SUFFIX):
+                open_table(path)  # which says what kinds of files are read
+            raise
         numbers = {
             n: np.where(recorded(c), c, np.nan) for n, c in run.columns.items() if recorded(c).any()
         }
@@ -247,11 +255,14 @@ def require_rising(t_s: Array, where: str, error: type[SmadError]) -> None:
     if back.size or not np.isfinite(t_s).all():
         row = int(back[0]) + 1 if back.size else 0
         again = row > 1 and t_s[row] <= t_s[0]
+        rounded = np.mean(np.diff(t_s) == 0.0) > ROUNDED
         raise error(
             f"{where} {'begins again' if again else 'does not increase'} at row {row + 1}",
             value=float(t_s[row]),
             action="split it there: each run is a table of its own"
             if again
+            else "write it with more digits"
+            if rounded
             else "sort the rows, remove repeated ones, or leave the run out",
         )
 

@@ -10,7 +10,7 @@ from smad.simulators.bind import bind
 from smad.simulators.columns import csv_format
 from smad.simulators.declare import Simulator
 from smad.simulators.expected import expected, on_standard_error, spaced
-from smad.simulators.windows import choose_window
+from smad.simulators.windows import choose_window, other_starts
 
 
 def diagnose(
@@ -53,6 +53,7 @@ def diagnose(
     with plain.in_processes(count):
         progress("choosing a window")
         plain.window_s, why = choose_window(plain, fit, window_s)
+        starts = other_starts(plain, fit)
         answer = ask(
             fit,
             plant=bound.plant,
@@ -62,4 +63,4 @@ def diagnose(
             progress=progress,
         )
     notes = [*answer.verdict.notes, *bound.said, *([why] if why else []), *plain.failures.notes]
-    return answer.with_verdict(notes=notes)
+    return answer.with_verdict(notes=notes, findings=[*answer.verdict.findings, *starts])

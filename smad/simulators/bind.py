@@ -73,12 +73,16 @@ def bind(
         raise SimulatorError("there are no runs", action="give at least one")
     for table in every:
         require_time(table)
-    by_role = roles(declared, every[0])
+    # A channel that other runs lack is one as well.
+    fullest = max(every, key=lambda t: len(t.columns))
+    by_role = roles(declared, fullest)
     inputs, outputs = by_role.inputs, by_role.outputs
     # From here on every column has the unit that the function asked for.
     names = [*inputs, *outputs, *declared.observed]
     tables = [[t.with_columns(names) for t in group] for group in tables]
     every = [t for group in tables for t in group]
+    for table in every:
+        _require_start(declared, table, by_role.begun)
     exact = {*declared.exact, *_constant(inputs, every, declared)}
     read = [n for n in inputs if n not in declared.forces]
     names = [*read, *(n for n in declared.observed if n not in read)]
@@ -89,7 +93,7 @@ def bind(
         )
         for group in tables
     ]
-    defaults = _defaults_in_words(declared, every, read, by_role, exact)
+    defaults = _defaults_in_words(declared, every, read, by_role, exact, idle_in=fullest.name)
     correlation_s = _correlation_s(outputs, every)
     plant = SimulatedPlant(
         declared,
@@ -101,6 +105,17 @@ def bind(
     places = SimulatorPlaces(plant)
     defaults += _blurred(places, [r for group in runs for r in group], outputs)
     return Bound(plant=places, groups=tuple(runs), said=tuple(defaults), seconds=by_role.seconds)
+
+
+def _require_start(declared: Simulator, table: Table, begun: Sequence[str]) -> None:
+    """Raise SimulatorError for a run without a reading that the function begins from."""
+    for name in begun:
+        if name not in table.columns or not np.isfinite(table.columns[name]).any():
+            raise SimulatorError(
+                f"{table.name} has no reading of {name}, which {declared.name} begins from",
+                limit=", ".join(table.columns),
+                action="leave the run out, or begin without this reading",
+            )
 
 
 def _constant(inputs: Sequence[str], tables: Sequence[Table], declared: Simulator) -> list[str]:
@@ -176,6 +191,8 @@ def _defaults_in_words(
     inputs: Sequence[str],
     by_role: Roles,
     exact: set[str],
+    *,
+    idle_in: str,
 ) -> list[str]:
     used = {*inputs, *by_role.outputs, *declared.observed}
     unread = sorted({n for t in tables for n in t.columns} - used)
@@ -188,7 +205,7 @@ def _defaults_in_words(
         "columns that the simulator does not read": unread,
         "outputs without a column": by_role.unmeasured,
         "measured": by_role.outputs,
-        f"values that change nothing in {tables[0].name}": by_role.idle,
+        f"values that change nothing in {idle_in}": by_role.idle,
     }
     words = "; ".join(f"{label}: {', '.join(names)}" for label, names in rows.items() if names)
     return [f"{words}. Ranges, quanta and noise are those of the records, unless given"]

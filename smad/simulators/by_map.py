@@ -41,16 +41,20 @@ class ColumnRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     scale: Number = 1.0
     offset: Number = 0.0
 
+    @property
+    def plain(self) -> bool:
+        """Whether the row converts no unit: a sign alone does not."""
+        return (abs(self.scale), self.offset) == (1.0, 0.0)
+
     def written(self, name: str) -> Written:
         """How the column `name` stands in its file: in `column_unit`, or as its name there ends.
 
         Raises SimulatorError for units of two quantities, unless the row says how to convert them.
         """
-        stated, named = spelt(self.column_unit), unit_in(self.column)
+        stated, named = spelt(self.column_unit), unit_in(self.column or name)
         target = spelt(self.unit) or unit_in(name)
-        plain = (self.scale, self.offset) == (1.0, 0.0)
         # A name may well end as a unit does, where the map says another one.
-        named = named if plain and (not self.unit or convertible(named, target)) else ""
+        named = named if self.plain and (not self.unit or convertible(named, target)) else ""
         unit = stated or named
         if not target or not unit or target == unit:
             return Written()
@@ -140,7 +144,10 @@ def tables_by_map(
             columns[name] = (hold_last_value if name in inputs else on_lines)(columns[name])
         columns |= {n: table.columns[n] for n in observed if n in table.columns}
         unused = [n for n in table.columns if n not in names]
-        notes = (*table.notes, *left_out(unused, ", which the map does not name"))
+        by_name = [n for n in written if not (rows[n].column or rows[n].column_unit)]
+        units = {n: unit for n in by_name if (unit := written[n].unit)}
+        read = [f"{n} is read in {unit}, as its name ends" for n, unit in units.items()]
+        notes = (*table.notes, *left_out(unused, ", which the map does not name"), *read)
         return replace(table, columns=columns, notes=notes, written=written)
 
     return [

@@ -49,14 +49,17 @@ class WatchedColumns(Mapping[str, Array]):
 
 
 class FirstReadings(Mapping[str, float]):
-    """NAME and NAME_rate of every column of a table at its first row, made when they are read."""
+    """NAME and NAME_rate of every column of a table at its first row, made when they are read;
+    `read` are the columns that were."""
 
     def __init__(self, table: Table) -> None:
         self._table = table
+        self.read: dict[str, None] = {}
 
     def __getitem__(self, name: str) -> float:
         of = name if self._table.source_of(name) else name.removesuffix("_rate")
         run = GapRun(self._table.name, self._table.t_s, {}, {of: self._table.column(of)})
+        self.read[of] = None
         return Starts(run, (of,)).start_of(0)[0][name]
 
     def __iter__(self) -> Iterator[str]:
@@ -68,10 +71,12 @@ class FirstReadings(Mapping[str, float]):
 
 @dataclass(frozen=True, kw_only=True)
 class Roles:
-    """What a function makes of columns: `inputs` that it reads, `outputs` that it returns,
-    `unmeasured` ones that no column is; `idle` values change nothing; a call takes `seconds`."""
+    """What a function makes of columns: `inputs` that it reads, `outputs` that it returns, `begun`
+    ones whose start it uses, `unmeasured` ones that no column is; `idle` values change nothing; a
+    call takes `seconds`."""
 
     inputs: list[str]
+    begun: list[str]
     outputs: list[str]
     unmeasured: list[str]
     idle: list[str]
@@ -85,14 +90,14 @@ class _Trial:
         self.declared, self.table = declared, table
         # What lacks is bridged, as in an admitted run.
         columns = {n: bridged(c) for n, c in table.columns.items() if np.isfinite(c).any()}
-        self._starting = FirstReadings(replace(table, columns=columns))
+        self.starting = FirstReadings(replace(table, columns=columns))
         columns |= {n: np.zeros(len(table.t_s)) for n in declared.forces}
         self.watched = WatchedColumns(replace(table, columns=columns))
         self.values = declared.values({}, {})
 
     def outputs(self, values: Mapping[str, float]) -> dict[str, Array]:
         """One call of the function."""
-        return called(self.declared, self.table.t_s, self.watched, values, self._starting)
+        return called(self.declared, self.table.t_s, self.watched, values, self.starting)
 
 
 def roles(declared: Simulator, table: Table) -> Roles:
@@ -137,6 +142,7 @@ def roles(declared: Simulator, table: Table) -> Roles:
     return Roles(
         inputs=[n for n in watched.read if n not in outputs],
         outputs=outputs,
+        begun=[n for n in outputs if n in trial.starting.read],
         unmeasured=[n for n, s in sources.items() if not s],
         idle=_idle(trial, first, seconds),
         seconds=seconds,

@@ -110,14 +110,15 @@ def csv_format(keys: Mapping[str, str]) -> CsvFormat:
 def tables_of(
     runs: Any, time: str = "", form: CsvFormat | None = None, time_unit: str | None = None
 ) -> list[Table]:
-    """The records in files, patterns, mappings or frames of columns, and runs that are made.
+    """The records in files, patterns, mappings, frames or structured arrays of columns, and runs
+    that are made.
 
     `time` is the column of the time, where it has none of the usual names: in the unit that its
     name ends with, else in s. A map has a `time_unit` or, where it is empty, only a time that may
     well be in s. `form` says how a CSV file is written.
     Raises SimulatorError for what is none of these, or has no time.
     """
-    single = isinstance(runs, (str, Path, GapRun, Table)) or hasattr(runs, "keys")
+    single = isinstance(runs, (str, Path, GapRun, Table)) or hasattr(runs, "keys") or _fields(runs)
     if single or not isinstance(runs, Iterable):
         runs = [runs]
     return [
@@ -139,6 +140,9 @@ def _tables(
         if not paths:
             raise SimulatorError(f"no file is {str(run)!r}", action="correct the path or pattern")
         return [_of_file(Path(p), time, form, unit) for p in paths]
+    if fields := _fields(run):
+        # A structure of MATLAB is one element, whose fields are arrays.
+        run = {n: run[n].item() if run.size == 1 else run[n] for n in fields}
     if hasattr(run, "keys"):
         columns = {str(k): _array(run[k]) for k in run} | _index_of(run)
         stamps = {n: _since_first(c) for n, c in columns.items() if c.dtype.kind in "mM"}
@@ -149,6 +153,11 @@ def _tables(
         value=type(run).__name__,
         action="give paths, mappings of columns, data frames or GapRuns",
     )
+
+
+def _fields(run: Any) -> tuple[str, ...]:
+    """Names of the columns of a structured array; none of what is no such."""
+    return getattr(getattr(run, "dtype", None), "names", None) or ()
 
 
 def _index_of(run: Any) -> dict[str, Any]:

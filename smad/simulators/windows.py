@@ -16,8 +16,10 @@ from smad.diagnosis.data.grid import row_length_s
 from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.plant import Array, Mask, ModelPoint, moved_parameters, nominal_point, traits_of
 from smad.diagnosis.runs import GapRun
+from smad.diagnosis.verdict import Finding
 from smad.simulators.errors import SimulatorError
 from smad.simulators.plant import SimulatedPlant
+from smad.units import in_words
 
 _FOLLOWS = 0.25
 """Error over the signal's standard deviation up to which a model follows a run, as configured."""
@@ -36,6 +38,10 @@ _PRIOR = 0.01
 _LOST = 10.0
 """Error over the signal's standard deviation where a model gives no number."""
 _MOST_RUNS = 4
+_BEGINS_OFF, _COMES_NEAR = 0.1, 0.5
+"""Of what a reading goes through, that a model begins off it; of that, what is left at the end."""
+_FIRST = 5
+"""Samples in which a run begins."""
 
 
 def choose_window(
@@ -119,6 +125,31 @@ def forgets_its_start(plant: SimulatedPlant, run: GapRun) -> bool:
         if not np.max(off[-quarter:]) <= _FORGOTTEN * np.std(late):
             return False
     return True
+
+
+def other_starts(plant: SimulatedPlant, runs: Sequence[GapRun]) -> list[Finding]:
+    """What is asked of each channel that the model, as configured, begins far from what was read
+    and comes near only later, as it does from another state."""
+    used = [_usable(plant, run) for run in runs[:_MOST_RUNS] if len(run.t_s) > 1]
+    used = [run for run in used if len(run.t_s) > 4 * _FIRST]
+    found: dict[str, tuple[float, Finding]] = {}
+    for run, model in zip(
+        used, _replayed(plant, nominal_point(plant), used, plant.window_s), strict=True
+    ):
+        late = _late(run, plant.window_s)
+        for c in (c for c in plant.channels if c.name in run.outputs):
+            y, shown = run.outputs[c.name], model[c.name]
+            begins, begun = float(np.median(y[:_FIRST])), float(np.median(shown[:_FIRST]))
+            off, left = abs(begins - begun), float(np.sqrt(np.mean((y - shown)[late] ** 2)))
+            least = max(_BEGINS_OFF * float(np.ptp(y)), found.get(c.name, (0.0,))[0])
+            if off > least and left < _COMES_NEAR * off:
+                text = (
+                    f"{c.name} begins at {begins:.4g} {in_words(c.unit)}, in the model at "
+                    f"{begun:.4g}, and the two meet only later: let the model begin in the run's "
+                    "state (start of a function, [start] of a map), or record from rest"
+                )
+                found[c.name] = off, Finding(run.name, "other start", text, refuses=False)
+    return [finding for _, finding in found.values()]
 
 
 def _begun_elsewhere(

@@ -24,7 +24,7 @@ from smad.simulators.mjcf.library import (
     scale_of,
 )
 from smad.simulators.mjcf.map_file import MjcfMap, ParameterRow, read_map
-from smad.simulators.mjcf.model import MujocoModel, load
+from smad.simulators.mjcf.model import MujocoModel, Output, load
 from smad.simulators.mjcf.parts import number_of
 from smad.simulators.planning import Plan, plan
 from smad.simulators.saving import model_text
@@ -78,9 +78,15 @@ def declare_mjcf(
         f"{n} has no unit in its name or the map; {unit} is assumed"
         for n, unit in replay.assumed_units.items()
     ]
-    tables = [[replace(t, notes=(*t.notes, *assumed)) for t in group] for group in tables]
+    assumed += replay.notes
+    tables = [
+        [replace(t, notes=(*t.notes, *assumed, *replay.clipped(t.columns))) for t in group]
+        for group in tables
+    ]
     every = [t for group in tables for t in group]
-    spans = {n: span_of([t.columns[n] for t in every if n in t.columns]) for n in mapped.inputs}
+    names = (*mapped.inputs, *mapped.channels)
+    columns = {n: [t.columns[n] for t in every if n in t.columns] for n in names}
+    spans = {n: span_of(c) for n, c in columns.items() if c}
     return _declared(replay, mapped, model.stem, spans), tables
 
 
@@ -107,7 +113,9 @@ def _declared(
         effects.append(payload(m, body, places))
     replay.effects = effects
     replay.plays = [
-        (n, play(n, replay.unit(n, r), -1.0, 1.0)) for n, r in mapped.channels.items() if r.joint
+        (x.name, play(x.name, replay.unit(x.name, mapped.channels[x.name]), _whole(x, spans)))
+        for x in replay.outputs
+        if x.source == "position"
     ]
     units = {n: replay.unit(n, r) for n, r in mapped.inputs.items()}
     units |= {n: replay.unit(n, r) for n, r in mapped.channels.items()}
@@ -131,6 +139,12 @@ def _declared(
         shortest_s=mapped.shortest_s,
         save=partial(save, replay),
     )
+
+
+def _whole(x: Output, spans: Mapping[str, tuple[float, float]]) -> float:
+    """A radian, or what a slide goes through in the runs (2 m without), in the reading's unit."""
+    low, high = (0.0, 2.0 * x.scale) if x.name not in spans else spans[x.name]
+    return abs(x.scale if x.turns else high - low)
 
 
 def _driving(replay: MujocoModel, joint: int) -> dict[str, float]:

@@ -13,7 +13,7 @@ from smad.simulators.mjcf.parts import FIELDS, add_point_mass, names_of, number_
 _SOME, _MOST = 0.05, 10.0
 """Of the largest torque, that friction and springs may well take; times that at most."""
 _PLAY = (0.02, 0.3)
-"""Of a turn in rad, or of a slide's range: play as it may well be, and at most."""
+"""Of a radian, or of what a slide goes through: play as it may well be, and at most."""
 _POSES = 64
 
 
@@ -178,9 +178,9 @@ def joints_above(m: Any, body: int) -> list[int]:
     return joints
 
 
-def play(name: str, unit: str, low: float, high: float) -> Effect:
-    """Play between a joint and what reads its position."""
-    typical, most = (share * (1.0 if unit == "rad" else high - low) for share in _PLAY)
+def play(name: str, unit: str, whole: float) -> Effect:
+    """Play between a joint and what reads its position; `whole`: see `_PLAY`."""
+    typical, most = (share * whole for share in _PLAY)
     size = EffectParameter(name="size", unit=unit, typical=typical, low=0.0, high=most)
     return Effect(
         name=f"{name}_backlash",

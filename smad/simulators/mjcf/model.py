@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from sim_device.plant.units import UNITS
 from smad.diagnosis.plant import Array, Effect
 from smad.extras import part
 from smad.records.column_names import unit_in
@@ -17,7 +18,7 @@ from smad.simulators.errors import SimulatorError
 from smad.simulators.mjcf.library import ModelEffect
 from smad.simulators.mjcf.map_file import ChannelRow, InputRow, MjcfMap, ParameterRow
 from smad.simulators.mjcf.parts import FIELDS, Field, in_si, is_hinge, number_of
-from smad.units import unit_of
+from smad.units import convertible, spelt, unit_of
 
 _TOUCHED = (
     "body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "dof_damping",
@@ -25,6 +26,20 @@ _TOUCHED = (
     "actuator_gainprm", "actuator_biasprm",
 )  # fmt: skip
 """Fields of a compiled model that a value may change; the rest stays as it was compiled."""
+_OF_JOINTS = {"JOINTPOS": "position", "JOINTVEL": "velocity"}
+"""Sensors that show the state of a joint, from which a replay begins."""
+_SENSED = {
+    **dict.fromkeys(("RANGEFINDER", "FRAMEPOS"), "m"), "GYRO": "rad/s", "FRAMEANGVEL": "rad/s",
+    **dict.fromkeys(("VELOCIMETER", "FRAMELINVEL"), "m/s"), "FORCE": "N", "TOUCH": "N",
+    "TORQUE": "N m",
+}  # fmt: skip
+"""Units of other sensors; what is not listed is taken as it stands."""
+_CONTROLS = {
+    "deg": "rad", "deg/s": "rad/s", "m": "m", "m/s": "m/s", "N": "N", "N m": "N m",
+}  # fmt: skip
+"""What mechanics is measured in, by the base unit of `UNITS`: so an actuator takes it."""
+_ROUNDED = 1e-3
+"""Of a ctrlrange, by which a control may be beyond it."""
 
 
 def load(path: Path) -> Any:
@@ -53,13 +68,17 @@ class Driven:
 
 @dataclass(frozen=True)
 class Output:
-    """An output: of positions, velocities or sensors the number, as scale · value + offset."""
+    """An output: of positions, velocities or sensors the number, as scale · value + offset.
+
+    `turns`: it is of a joint that turns.
+    """
 
     name: str
     source: str
     number: int
     scale: float
     offset: float
+    turns: bool = False
 
 
 class MujocoModel:
@@ -79,8 +98,9 @@ class MujocoModel:
         self._lock = threading.Lock()
         self.joints = self._joints()
         self.assumed_units: dict[str, str] = {}
+        self.notes: list[str] = []
         self.driven = [self._input(n, r) for n, r in mapped.inputs.items()]
-        self._outputs = [self._channel(n, r) for n, r in mapped.channels.items()]
+        self.outputs = [self._channel(n, r) for n, r in mapped.channels.items()]
         self._parameters = {n: self._field(n, r) for n, r in mapped.parameters.items()}
         self.effects: Sequence[ModelEffect] = ()
         self.plays: Sequence[tuple[str, Effect]] = ()
@@ -109,6 +129,11 @@ class MujocoModel:
         m, key = self.model, f"inputs.{name}"
         if row.actuator:
             column, scale = number_of(m, "actuator", row.actuator, key), 1.0
+            unit = spelt(self.unit(name, row))
+            target = _CONTROLS.get(UNITS[unit].si, unit) if row.plain and unit in UNITS else unit
+            if unit != target:
+                scale = in_si(unit, target, key)
+                self.notes.append(f"{name} is given to actuator {row.actuator} in {target}")
         else:
             joint = number_of(m, "joint", row.joint, key)
             unit = "N m" if is_hinge(m, joint, key) else "N"
@@ -119,6 +144,9 @@ class MujocoModel:
 
     def _channel(self, name: str, row: ChannelRow) -> Output:
         m, key = self.model, f"channels.{name}"
+        joint = row.joint or row.velocity_of
+        number = number_of(m, "joint", joint, key) if joint else -1
+        source = "velocity" if row.velocity_of else "position"
         if row.sensor:
             sensor = number_of(m, "sensor", row.sensor, key)
             if row.index >= m.sensor_dim[sensor]:
@@ -128,14 +156,32 @@ class MujocoModel:
                     limit=f"0 to {m.sensor_dim[sensor] - 1}",
                     action="correct index",
                 )
-            column = int(m.sensor_adr[sensor]) + row.index
-            return Output(name, "sensor", column, row.scale, row.offset)
-        joint = number_of(m, "joint", row.joint or row.velocity_of, key)
-        turns, per_s = is_hinge(m, joint, key), "/s" if row.velocity_of else ""
+            kind = self._mujoco.mjtSensor(m.sensor_type[sensor]).name.removeprefix("mjSENS_")
+            if kind not in _OF_JOINTS or m.sensor_cutoff[sensor]:
+                unit = self._in_si(name, row, _SENSED[kind], key) if kind in _SENSED else 1.0
+                column = int(m.sensor_adr[sensor]) + row.index
+                return Output(name, "sensor", column, row.scale / unit, row.offset)
+            number, source = int(m.sensor_objid[sensor]), _OF_JOINTS[kind]
+        turns, per_s = is_hinge(m, number, key), "/s" if source == "velocity" else ""
         unit = self._in_si(name, row, f"{'rad' if turns else 'm'}{per_s}", key)
-        source = "velocity" if row.velocity_of else "position"
-        column = int((m.jnt_dofadr if row.velocity_of else m.jnt_qposadr)[joint])
-        return Output(name, source, column, row.scale / unit, row.offset)
+        column = int((m.jnt_dofadr if source == "velocity" else m.jnt_qposadr)[number])
+        return Output(name, source, column, row.scale / unit, row.offset, turns)
+
+    def clipped(self, columns: Mapping[str, Array]) -> list[str]:
+        """What is said of inputs that go beyond what their actuators take."""
+        m, said = self.model, []
+        clamped = not m.opt.disableflags & int(self._mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+        for x in (x for x in self.driven if x.column < m.nu and x.name in columns):
+            low, high = m.actuator_ctrlrange[x.column].tolist()
+            control = x.scale * columns[x.name] + x.offset
+            ends = float(np.nanmin(control)), float(np.nanmax(control))
+            beyond = max(low - ends[0], ends[1] - high) > _ROUNDED * (high - low)
+            if beyond and clamped and m.actuator_ctrllimited[x.column]:
+                said.append(
+                    f"{x.name} asks for controls from {ends[0]:.4g} to {ends[1]:.4g}, and the "
+                    f"model clips them to the ctrlrange, {low:g} to {high:g}: is its unit right?"
+                )
+        return said
 
     @property
     def hinge(self) -> int:
@@ -154,13 +200,17 @@ class MujocoModel:
 
     def unit(self, name: str, row: InputRow | ChannelRow) -> str:
         """The unit of a column: as the map, its name there or in the run has it, or as assumed."""
-        return row.unit or unit_of(name) or unit_in(row.column) or self.assumed_units.get(name, "")
+        named = row.unit or unit_of(name) or spelt(row.column_unit) or unit_in(row.column or name)
+        return named or self.assumed_units.get(name, "")
 
     def _in_si(self, name: str, row: InputRow | ChannelRow, target: str, key: str) -> float:
         """What one unit of a column is in the model's, which is assumed where none is given."""
         if not self.unit(name, row):
             self.assumed_units[name] = target
-        return in_si(self.unit(name, row), target, key)
+        unit = self.unit(name, row)
+        # A volt of a potentiometer: its scale and offset are of the model's unit.
+        scaled = not row.plain and not convertible(spelt(unit), target)
+        return 1.0 if scaled else in_si(unit, target, key)
 
     def nominal(self, name: str) -> float:
         """What the model has for a parameter of the map."""
@@ -252,7 +302,7 @@ class MujocoModel:
                 skip_checks=False,
             )
         if d.warning.number.any():
-            return {x.name: np.full(len(control), np.nan) for x in self._outputs}
+            return {x.name: np.full(len(control), np.nan) for x in self.outputs}
         # A state is that after its step, sensors are those before it.
         before = np.vstack([first, states[0][:-1]])[::pieces]
         of = {
@@ -260,19 +310,19 @@ class MujocoModel:
             "velocity": before[:, 1 + m.nq : 1 + m.nq + m.nv],
             "sensor": sensors[0][::pieces],
         }
-        return {x.name: x.scale * of[x.source][:, x.number] + x.offset for x in self._outputs}
+        return {x.name: x.scale * of[x.source][:, x.number] + x.offset for x in self.outputs}
 
     def _begin(self, start: Mapping[str, float]) -> None:
         """Joints that are measured begin where they were shown to be, the others as compiled."""
         m, d = self.model, self._data
         self._mujoco.mj_setConst(m, d)
         self._mujoco.mj_resetData(m, d)
-        for x in self._outputs:
+        for x in self.outputs:
             if x.source == "position":
                 d.qpos[x.number] = (start[x.name] - x.offset) / x.scale
                 joint = int(np.flatnonzero(m.jnt_qposadr == x.number)[0])
                 d.qvel[m.jnt_dofadr[joint]] = start[f"{x.name}_rate"] / x.scale
-        for x in self._outputs:
+        for x in self.outputs:
             if x.source == "velocity":
                 d.qvel[x.number] = (start[x.name] - x.offset) / x.scale
 

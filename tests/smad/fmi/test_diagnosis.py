@@ -217,6 +217,14 @@ def test_a_unit_begins_from_the_readings_of_a_channel_in_each_window(
     np.testing.assert_allclose(parts[::100], warm.outputs["temperature_degC"][::100], atol=1.0)
 
 
+def test_a_unit_does_not_begin_from_a_channel_that_no_run_has(unit: Path, tmp_path: Path) -> None:
+    head, _, rest = MAP.partition("[parameters.room_degC]")
+    other = '[channels.plate_degC]\nvariable = "temperature"\nunit = "degC"\n'
+    text = head + rest[rest.index("[terms") :] + f'{other}[start]\nroom = "plate_degC"\n'
+    with pytest.raises(SimulatorError, match="asks for 'plate_degC', which is neither a column"):
+        plant_of(unit, tmp_path, text)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -297,6 +305,39 @@ def without_binary(name: str, content: bytes) -> bytes | None:
 
 def torn_description(name: str, content: bytes) -> bytes:
     return content[: len(content) // 2] if name == "modelDescription.xml" else content
+
+
+def with_units(reading: str) -> Callable[[str, bytes], bytes]:
+    """The unit with `reading` as the attributes of its temperature, and a torque as its input."""
+    types = """<UnitDefinitions><Unit name="K"/><Unit name="N.m"/></UnitDefinitions>
+        <TypeDefinitions><SimpleType name="Kelvin"><Real unit="K"/></SimpleType></TypeDefinitions>
+        <LogCategories>"""
+
+    def change(_: str, content: bytes) -> bytes:
+        content = content.replace(b"<LogCategories>", types.encode(), 1)
+        content = content.replace(b'<Real start="0"/>', b'<Real start="0" unit="N.m"/>', 1)
+        return content.replace(b"<Real/>", f"<Real {reading}/>".encode(), 1)
+
+    return change
+
+
+@pytest.mark.parametrize("reading", ['unit="K"', 'declaredType="Kelvin"'])
+def test_a_column_is_converted_to_the_unit_that_a_variable_or_its_type_has(
+    unit: Path, tmp_path: Path, reading: str
+) -> None:
+    kelvin = rewritten(unit, tmp_path / "kelvin.fmu", with_units(reading))
+    text = MAP.replace('"W"\nlow = 0.0', '"N m"\ncolumn = "Torque [mNm]"\nscale = -1\nlow = 0.0')
+    table = run_file(tmp_path / "bench.csv", 1)
+    table.write_text(table.read_text().replace("power_W", "Torque [mNm]"))
+    with pytest.raises(FmiError, match=r"temperature is in another unit in kelvin.fmu; got degC; "
+                       "allowed: K; use that unit: a column whose name"):  # fmt: skip
+        bound_unit(kelvin, tmp_path, text, table)
+    text = text.replace('unit = "degC"\nlow = -20.0', 'unit = "K"\nlow = 250.0')
+    text = text.replace("high = 150.0", "high = 420.0")
+    ((run,),) = bound_unit(kelvin, tmp_path, text, table).groups
+    assert run.outputs["temperature_degC"][0] == pytest.approx(295.15, abs=0.2)
+    assert run.inputs["power_W"].min() == pytest.approx(-0.045)
+    assert run.notes == ("temperature_degC is read in degC, as its name ends",)
 
 
 @pytest.mark.parametrize(

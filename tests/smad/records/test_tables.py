@@ -16,7 +16,7 @@ from smad.errors import LogImportError, RunLogError
 from smad.records.channels import MappingFile, read_channels
 from smad.records.column_names import ColumnRule
 from smad.records.importer import import_table
-from smad.records.tables import KINDS
+from smad.records.tables import KINDS, read_columns
 from smad.runlog.bounds import Together
 from smad.runlog.reader import read_run
 
@@ -266,6 +266,7 @@ def test_a_unit_in_the_name_counts_where_the_mapping_gives_none(tmp_path: Path) 
     assert read() == [4.0, 5.0]
     assert read(column_unit="mm") == [0.4, 0.5]
     assert read(scale=10.0) == [4.0, 5.0]
+    assert read(scale=-1.0) == [-4.0, -5.0]
 
 
 def test_a_fraction_whose_name_says_percent_is_refused(tmp_path: Path) -> None:
@@ -293,3 +294,14 @@ def test_a_table_without_a_channel_is_not_imported(tmp_path: Path) -> None:
     with pytest.raises(LogImportError, match="no column that is a channel; got temp"):
         import_table(table, tmp_path / "other.mcap")
     assert not (tmp_path / "other.mcap").exists()
+
+
+def test_what_is_neither_a_table_nor_a_run_log_is_told_the_kinds_that_are_read(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "run.mat").write_bytes(b"MATLAB 5.0")
+    with pytest.raises(LogImportError, match=r"run.mat is not a table; got .mat; allowed: .parq"):
+        read_columns(tmp_path / "run.mat")
+    (tmp_path / "run.mcap").write_bytes(b"MATLAB 5.0")
+    with pytest.raises(RunLogError, match="is not a run log"):
+        read_columns(tmp_path / "run.mcap")

@@ -26,7 +26,7 @@ from smad.simulators.columns import csv_format, tables_of
 from smad.simulators.errors import SimulatorError
 from smad.simulators.expected import Expected, expected, spaced
 from smad.simulators.starts import Starts
-from smad.simulators.windows import choose_window, forgets_its_start
+from smad.simulators.windows import choose_window, forgets_its_start, other_starts
 from tests.smad.simulators.systems import (
     declared_heater,
     declared_pendulum,
@@ -406,6 +406,7 @@ def test_a_code_in_place_of_a_reading_is_left_out_and_said(code: float) -> None:
     [
         (lambda r: {k: v for k, v in r.items() if k != "t_s"}, "no column of the time; got"),
         (lambda r: {**r, "t_s": r["t_s"][::-1]}, "time does not increase at row 2"),
+        (lambda r: {**r, "t_s": np.floor(r["t_s"])}, "at row 2; got 0.0; write it with more digi"),
         (
             lambda r: {"time" if k == "t_s" else k: 1e3 * v for k, v in r.items()},
             "'time' has no unit, and its samples would be seconds apart; got 100 s",
@@ -459,6 +460,42 @@ def test_a_second_run_that_lacks_an_input_is_named() -> None:
     lacking = {k: v for k, v in RUNS[1].items() if k != "power_W"}
     with pytest.raises(SimulatorError, match="run 2 has no column power_W, which the simulator"):
         diagnose([RUNS[0], lacking], declared_heater())
+
+
+def test_a_channel_that_the_first_run_lacks_is_compared_in_the_others() -> None:
+    def cooling(t, inputs, values, start):
+        shown = heater(t, inputs, values, start)
+        loss = values["loss_W_K"] * (shown["temperature_degC"] - values["room_degC"])
+        return {**shown, "cooling_W": loss}
+
+    declared = simulator(cooling, parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+                         effects={"slow_sensor": (2.0, 0.0, 8.0)})  # fmt: skip
+    fuller = {**RUNS[1], "cooling_W": 0.74 * (RUNS[1]["temperature_degC"] - 22.0)}
+    bound = bind(declared, [RUNS[0], fuller])
+    assert [c.name for c in bound.plant.channels] == ["temperature_degC", "cooling_W"]
+
+    def begun(t, inputs, values, start):
+        assert np.isfinite(start["cooling_W_rate"])
+        return cooling(t, inputs, values, start)
+
+    with pytest.raises(SimulatorError, match="run 1 has no reading of cooling_W, which begun begi"):
+        bind(replace(declared, function=begun, name="begun"), [RUNS[0], fuller])
+
+
+def test_a_run_that_begins_in_another_state_than_the_model_is_asked_about() -> None:
+    def risen(rise: float, lasts_s: float) -> list[dict[str, Array]]:
+        more = [rise * k * np.exp(-r["t_s"] / lasts_s) for k, r in enumerate(RUNS, 1)]
+        return [
+            {**r, "temperature_degC": r["temperature_degC"] + m}
+            for r, m in zip(RUNS, more, strict=True)
+        ]
+
+    for same in (RUNS, risen(10.0, np.inf)):
+        bound = bind(declared_heater(), same)
+        assert other_starts(bound.plant.plain, bound.groups[0]) == []
+    verdict = diagnose(risen(10.0, 30.0), declared_heater()).verdict
+    (said,) = (line for line in lines(verdict) if "begins at" in line)
+    assert re.match(r"run 4: temperature_degC begins at 6[12].* °C, in the model at 22, and", said)
 
 
 def test_models_that_explode_are_dropped_and_said() -> None:
@@ -810,6 +847,16 @@ def test_data_frames_have_their_time_in_stamps_or_in_the_index() -> None:
         (table,) = tables_of(one)
         assert table.t_s == pytest.approx(RUNS[0]["t_s"], abs=1e-8)
         assert set(table.columns) >= {"power_W", "temperature_degC"}
+
+
+def test_structured_arrays_and_structures_of_matlab_are_runs(tmp_path: Path) -> None:
+    scipy_io = pytest.importorskip("scipy.io")
+    scipy_io.savemat(tmp_path / "run.mat", {"log": RUNS[0]})
+    structure = scipy_io.loadmat(tmp_path / "run.mat")["log"]
+    for one in (np.rec.fromarrays([*RUNS[0].values()], names=[*RUNS[0]]), structure):
+        for given in (one, [one]):
+            (table,) = tables_of(given)
+            assert table.columns["power_W"] == pytest.approx(RUNS[0]["power_W"])
 
 
 def test_what_is_no_simulator_or_no_column_is_named() -> None:

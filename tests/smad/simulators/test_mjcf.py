@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -122,6 +123,30 @@ def test_the_unit_of_a_channel_is_in_its_name_or_is_said_to_be_assumed(
     bound = bind(declared, [table])
     predicted = bound.plant.simulate(ModelPoint({}), bound.groups[0][0])[column]
     assert np.std(predicted - run[column]) < 0.2 * np.std(run[column])
+
+
+@pytest.mark.parametrize(
+    ("column", "scale", "channel"),
+    [
+        ("q_V", 0.1, '[channels.q_V]\njoint = "hinge"\nscale = 5.7295779513'),
+        ("enc", 1, '[channels.q]\njoint = "hinge"\ncolumn = "enc"\ncolumn_unit = "deg"'),
+        ("q_deg", 1, '[channels.q_deg]\njoint = "hinge"\nunit = "rad"'),
+        ("q_deg", -1, '[channels.q_rad]\njoint = "hinge"\ncolumn = "q_deg"\nscale = -1'),
+        ("q_deg", 1, '[channels.q_deg]\nsensor = "encoder"'),
+        ("q_deg", 1, '[channels.q_rad]\nsensor = "encoder"\ncolumn = "q_deg"'),
+    ],
+)
+def test_a_reading_in_degrees_is_one_wherever_the_map_says_so(
+    tmp_path: Path, column: str, scale: float, channel: str
+) -> None:
+    sensed = MODEL.replace("<sensor>", '<sensor><jointpos name="encoder" joint="hinge"/>')
+    mapped = MAP.replace('[channels.angle_rad]\njoint = "hinge"', channel)
+    # From the middle of a run on: the model begins in the state that was read there.
+    run = {n: c[200:] for n, c in arm_run(0, seconds=4.0).items()}
+    run[column] = scale * np.degrees(run.pop("angle_rad"))
+    bound = bound_arm(tmp_path, sensed, mapped, [run])
+    ((name, read),) = bound.groups[0][0].outputs.items()
+    assert np.std(shown(bound)[name] - read) < 0.1 * np.std(read)
 
 
 def test_a_parameter_has_the_unit_of_its_field_and_is_refused_by_the_name_of_another(
@@ -359,3 +384,40 @@ def test_a_joint_that_turns_by_a_servo_keeps_its_input_as_a_place(tmp_path: Path
     (tmp_path / "other").mkdir()
     places = [p.name for p in bound_arm(tmp_path / "other").plant.places]
     assert places == ["reading_angle_rad", "input_hinge_torque"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "column", "unit", "factor"),
+    [
+        ("motor", "tau_mNm", "N m", 1e3),
+        ("motor", "torque [mN m]", "N m", 1e3),
+        ('position kp="20"', "target_deg", "rad", np.degrees(1.0)),
+        ('velocity kv="2"', "speed_rpm", "rad/s", 30.0 / np.pi),
+    ],
+)
+def test_an_actuator_is_given_its_input_in_si(
+    tmp_path: Path, kind: str, column: str, unit: str, factor: float
+) -> None:
+    run = arm_run(0, seconds=2.0)
+    model = MODEL.replace("motor name", f"{kind} name")
+    plain = shown(bound_arm(tmp_path, model, runs=[run]))
+    other = {column: factor * run.pop("torque_N_m"), **run}
+    mapped = MAP.replace("inputs.torque_N_m", f'inputs."{column}"')
+    bound = bound_arm(tmp_path, model, mapped, [other])
+    np.testing.assert_allclose(shown(bound)["angle_rad"], plain["angle_rad"], atol=1e-9)
+    assert f"{column} is given to actuator motor in {unit}" in bound.groups[0][0].notes
+
+
+def test_a_control_that_the_model_clips_is_asked_about(tmp_path: Path) -> None:
+    limited = MODEL.replace('joint="hinge"/></act', 'joint="hinge" ctrlrange="-0.5 0.5"/></act')
+    (note,) = bound_arm(tmp_path, limited).groups[0][0].notes
+    assert re.match(r"torque_N_m asks .* clips them to the ctrlrange, -0.5 to 0.5: is its", note)
+
+
+@pytest.mark.parametrize(("unit", "radian"), [("rad", 1.0), ("deg", np.degrees(1.0))])
+def test_backlash_is_as_large_in_any_unit(tmp_path: Path, unit: str, radian: float) -> None:
+    run = arm_run(0, seconds=2.0)
+    run |= {f"angle_{unit}": radian * run["angle_rad"]}
+    bound = bound_arm(tmp_path, mapped=MAP.replace("angle_rad", f"angle_{unit}"), runs=[run])
+    (play,) = (e.parameters[0] for e in bound.plant.effects if e.name.endswith("_backlash"))
+    assert (play.typical, play.high) == pytest.approx((0.02 * radian, 0.3 * radian))
