@@ -5,7 +5,9 @@ function command_bench()
 % with pyzmq, such as the one that smad is installed in. Every request is described by
 % smad/commands.schema.json and in docs/guide/clients.md.
 
-connection = jsondecode(fileread(fullfile(getenv('XDG_RUNTIME_DIR'), 'smad', 'bench.json')));
+% Of a daemon that systemd runs, the folder is /run/smad; without XDG_RUNTIME_DIR, /tmp/smad-UID.
+folder = fullfile(getenv('XDG_RUNTIME_DIR'), 'smad');
+connection = jsondecode(fileread(fullfile(folder, 'bench.json')));
 context = py.zmq.Context();
 commands = dealer(context, connection.command);
 stops = dealer(context, connection.stop);
@@ -13,6 +15,7 @@ stops = dealer(context, connection.stop);
 show(ask(commands, '{"jsonrpc": "2.0", "id": 1, "method": "status"}'));
 
 % Whatever ends this function, ctrl-C or an error too, stops the bench. Stops have their own socket.
+% If MATLAB itself is killed, the bench stays armed, unless daemon.dead_man_lease_s is configured.
 stop = onCleanup(@() ask(stops, '{"jsonrpc": "2.0", "id": 2, "method": "disarm"}'));
 ask(commands, '{"jsonrpc": "2.0", "id": 3, "method": "arm"}');
 ask(commands, '{"jsonrpc": "2.0", "id": 4, "method": "record.start", "params": {"name": "matlab"}}');

@@ -6,11 +6,11 @@ loaded = load('run.mat');
 run = loaded.run;
 t = run.columns.t_s - run.columns.t_s(1);
 
-% Channels of which nothing was recorded are not there; NaN (or -1 in whole numbers) is a gap.
+% Channels that were never recorded are left out; NaN (-1 in whole numbers) marks a missing value.
 disp(fieldnames(run.columns));
 fprintf('temperature in %s\n', run.units.rtd_x_degC);
 
-% What the numbers of mode and limiter stand for.
+% Names of the numbers in mode and limiter.
 words = containers.Map(run.legends.mode.numbers, run.legends.mode.words);
 fprintf('the board was %s at the end\n', words(double(run.columns.mode(end))));
 armed = run.legends.mode.numbers(strcmp(run.legends.mode.words, 'ARMED'));

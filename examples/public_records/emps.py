@@ -1,4 +1,4 @@
-"""A positioning drive as a mass with drag that a motor pushes, and what it may do beside.
+"""A positioning drive as a mass with drag that a motor pushes, with the effects that it may have.
 
 Published (Janot, Gautier and Brunot, Workshop on Nonlinear System Identification Benchmarks 2019,
 equations 1 and 12): M·x″ + F·x′ + Fc·sign(x′) + offset = force, and F is smaller forwards.
@@ -6,10 +6,10 @@ The model given here has no Fc, and one F.
 
 The drive was in a closed loop. The input here is the force that its motor was told to give, so that
 no model of the controller is needed.
-The output is not the position that was recorded, but its central difference. A position adds up all
-that a model gets wrong of the force: after some seconds the model moves another way than the drive.
-What a speed is off by is forgotten within mass/drag, half a second.
-The output's name ends in "_rate", since a law may go with the sign of such a state only.
+The output is the central difference of the recorded position. In the position, errors of the
+modelled force add up: after some seconds model and drive move apart. An error of the speed decays
+within mass/drag, half a second.
+The output's name ends in "_rate": a law may use the sign of such a state only.
 """
 
 from __future__ import annotations

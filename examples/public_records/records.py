@@ -1,4 +1,4 @@
-"""Public records of four systems: where they are, whether they are what they were, as runs.
+"""Public records of four systems: fetches them, checks their digests, and makes runs of them.
 
 None is in this repository. Each is fetched once into a folder, or put there by hand.
 """
@@ -36,12 +36,12 @@ LAP = 6240
 """Samples in which the programme of EMPS comes back to where it began."""
 SILVERBOX_PART, _SETTLING = 1500, 100
 """Samples of a Silverbox run, so few that a row of the diagnosis is one: the circuit swings once in
-nine. In the first of them what was before still rings: they are not judged."""
+nine. During the first of them the circuit still rings from earlier inputs: they are not judged."""
 _TIMEOUT_S = 60.0
 
 
 class RecordError(SmadError):
-    """A record that cannot be had, or is not the one that was published."""
+    """A record that cannot be fetched, or that differs from the published one."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,9 @@ class Mjcf:
 class Record:
     """Published files: where they are, their digests, their columns, and a simulator of them.
 
-    `files` has the SHA-256 of each by its name, that of a text with line ends of one character,
-    since copies of both kinds are about. They lie in one `archive`, or each at an address of its
-    own. `runs` takes the columns of each file.
+    `files` has the SHA-256 of each by its name; line ends of a text count as LF, since copies with
+    CRLF exist, too. The files are in one `archive`, or each has an address of its own. `runs` takes
+    the columns of each file.
     """
 
     page: str
@@ -133,7 +133,7 @@ class Record:
         if path.suffix == ".mat":
             found = loadmat(io.BytesIO(content), variable_names=self.columns)
             return {name: found[name].ravel() for name in self.columns}
-        # Lines end in a comma, and what is one number for the whole record stands in the first.
+        # Lines end in a comma. A number for the whole record is in the first line.
         rows = [row for row in csv.reader(io.StringIO(content.decode())) if row]
         at = [rows[0].index(c) for c in self.columns]
         values = np.array([[float(row[i]) for i in at] for row in rows[1:]])
@@ -180,8 +180,8 @@ def _tanks(columns: Mapping[str, Array]) -> SplitRuns:
 def _emps(plain: Mapping[str, Array], pulsed: Mapping[str, Array]) -> SplitRuns:
     """The laps of the record to fit, those with pulses of force to judge on, as was published.
 
-    A lap has every speed both ways. In half of one, a law over what the force was some time ago
-    passes for one over the direction.
+    A lap has every speed both ways. In half a lap, a law over the delayed force cannot be told from
+    one over the direction.
     """
 
     def laps(name: str, columns: Mapping[str, Array]) -> list[GapRun]:

@@ -1,4 +1,4 @@
-"""The Silverbox as a linear resonator, and what it may do beside.
+"""The Silverbox as a linear resonator, with the effects that it may have.
 
 Published (Wigren and Schoukens, ECC 2013, equations 13 and 14): m·y″ + d·y′ + (a + b·y²)·y = u.
 The model given here has b = 0. In its units, x = y, w = y′/ω₀ and f = gain·u, all in volts:

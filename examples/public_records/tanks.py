@@ -1,4 +1,4 @@
-"""Two cascaded tanks with free outlets, and what they may do beside.
+"""Two cascaded tanks with free outlets, with the effects that they may have.
 
 Published (Wigren and Schoukens, ECC 2013, equation 7): x₁′ = −k₁·√x₁ + k₄·u, x₂′ = k₂·√x₁ − k₃·√x₂,
 and of this record (doi 10.4121/12960104): above its rim the upper tank spills, in part into the

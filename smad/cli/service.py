@@ -7,7 +7,7 @@ import click
 from smad.cli.options import FOLDER, Group, flag, option
 
 _NEXT = """\
-Next: put the vendor and product of your adapter into the udev rule, then
+Next: add the vendor and product of your board, if need be (lsusb), to the udev rule, then
   udevadm control --reload && udevadm trigger
   systemctl daemon-reload"""
 

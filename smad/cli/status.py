@@ -16,7 +16,7 @@ _REFRESH_S = 0.5
 @click.command(cls=Command)
 def status(
     watch: bool = flag(
-        "--watch", "Show a screen, drawn twice a second; the space bar stops the bench."
+        "--watch", "Show a screen, drawn twice a second; space or Esc stops the bench."
     ),
     as_json: bool = json_option,
     bench: str = axis_option,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -68,3 +69,29 @@ def test_the_simulator_of_the_notebook_is_the_one_of_the_page() -> None:
         if c.cell_type == "code"
     ]
     assert "".join(cells).replace("\n", "").startswith(script.replace("\n", ""))
+
+
+def test_a_diagnosed_gap_is_recorded_once_and_tells_what_smad_refuses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    asked = []
+
+    def run(words: list[str], **_: Any) -> subprocess.CompletedProcess[str]:
+        asked.append(words)
+        Path("slow-sensor").mkdir(exist_ok=True)
+        Path(f"slow-sensor/gap {words[words.index('--run') + 1]}.mcap").touch()
+        return subprocess.CompletedProcess(words, len(asked) == 5, "", "the disk is full")
+
+    monkeypatch.setattr(subprocess, "run", run)
+    ready, record, *_ = [
+        cell.source
+        for cell in read(ROOT / "examples/notebooks/gap_diagnosed.ipynb").cells
+        if cell.cell_type == "code"
+    ]
+    for _ in range(2):
+        exec(f"{ready}\n{record}", {})
+    assert len(asked) == 4
+    Path("slow-sensor/gap sines.mcap").unlink()
+    with pytest.raises(RuntimeError, match="the disk is full"):
+        exec(f"{ready}\n{record}", {})

@@ -67,7 +67,7 @@ def free_port() -> int:
 
 def configuration(folder: Path, port: int, upstream: str) -> str:
     """The example as it is shipped, on plain HTTP and a port of its own."""
-    text = EXAMPLE.read_text().replace("127.0.0.1:8765", upstream)
+    text = EXAMPLE.read_text().replace("127.0.0.1:8788", upstream)
     text = text.replace("listen 443 ssl;", f"listen 127.0.0.1:{port};")
     text = re.sub(r"\n +ssl_certificate.*", "", text)
     text = text.replace("https://bench.lab.example ", f"http://127.0.0.1:{port} ")

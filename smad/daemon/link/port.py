@@ -155,7 +155,7 @@ def _refused(path: str, baud: int, error: Exception) -> PortError:
         return PortError(
             "no permission to open the port",
             value=path,
-            action="add yourself to the group dialout and log in again, or install the udev rule",
+            action="add yourself to its group (ls -l names it), mostly dialout, and log in again",
         )
     if number == errno.ENOTTY:
         return _no_serial_port(path)

@@ -13,7 +13,7 @@ LEAST_COLUMNS, LEAST_ROWS = 60, 20
 MOST_HISTORY = 240
 BARS = "▁▂▃▄▅▆▇█"
 GAP = " "
-KEYS = "space: STOP (disarm)   q: quit, the bench goes on"
+KEYS = "space, Esc: STOP (disarm)   q: quit, the bench goes on"
 
 _NAME, _VALUE, _RANGE = 25, 11, 19
 

@@ -19,7 +19,11 @@ if TYPE_CHECKING:
 REFRESH_S = 0.5
 PATIENCE_S = 1.0
 """How long an answer may take before the screen says that it is not live."""
-STOP_KEYS = frozenset(" sS")
+ESCAPE = "\x1b"
+ESCAPE_MS = 50
+"""After so long alone it is the key, and not the first byte of another."""
+STOP_KEYS = frozenset({*" sS", ESCAPE})
+"""Escape stops on the live page, too."""
 QUIT_KEYS = frozenset("qQ")
 
 
@@ -61,6 +65,7 @@ class Terminal:
 
         self._window = window
         self._error = curses.error
+        curses.set_escdelay(ESCAPE_MS)
         with contextlib.suppress(curses.error):
             curses.curs_set(0)
         self._attributes: dict[Style, int] = dict.fromkeys(COLOURS, curses.A_BOLD)
@@ -87,7 +92,16 @@ class Terminal:
 
     def key(self, timeout_s: float) -> str:
         """Return the next key, or nothing when none came in time, or the size changed."""
-        self._window.timeout(round(timeout_s * 1000))
+        key = self._next(round(timeout_s * 1000))
+        if key != ESCAPE or self._next(ESCAPE_MS) in ("", ESCAPE):
+            return key
+        # An arrow or function key that curses does not know in this terminal.
+        while self._next(0):
+            pass
+        return ""
+
+    def _next(self, timeout_ms: int) -> str:
+        self._window.timeout(timeout_ms)
         try:
             key = self._window.get_wch()
         except self._error:

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from smad.cli.service import service
 from smad.errors import SmadError
+from smad.processes.service import content
 
 
 def test_the_files_are_installed_and_start_this_smad(tmp_path: Path) -> None:
@@ -22,6 +23,10 @@ def test_the_files_are_installed_and_start_this_smad(tmp_path: Path) -> None:
     unit = units[0]
     assert unit == tmp_path / "etc/systemd/system/smad@.service"
     assert unit.stat().st_mode & 0o777 == 0o644
+
+
+def test_the_rule_names_the_board_that_the_wiring_proposes() -> None:
+    assert '"2341", ATTRS{idProduct}=="0042"' in content("60-smad.rules"), "the Mega 2560 R3"
 
 
 def test_a_file_that_somebody_changed_stays_until_it_is_given_up(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from smad.client import NoAnswer
 from smad.runlog.schema import Row
 from smad.view.terminal.screen import KEYS, History, screen, sparkline
 from smad.view.terminal.status_lines import Line, lines
+from smad.view.terminal.watch import Terminal as CursesTerminal
 from smad.view.terminal.watch import watch
 from tests.smad.cli.test_commands import MOTION, STATUS
 
@@ -130,8 +131,9 @@ def test_quitting_stops_nothing() -> None:
     assert len(terminal.drawn) == 11, "twice a second, and at once after a key"
 
 
-def test_the_stop_key_disarms_at_once_and_says_what_came_of_it() -> None:
-    bench, terminal = WatchedClient(STATUS), Terminal((0.2, " "), (0.3, "s"), (0.4, "q"))
+@pytest.mark.parametrize("key", [" ", "\x1b"], ids=["space", "escape, as on the live page"])
+def test_the_stop_key_disarms_at_once_and_says_what_came_of_it(key: str) -> None:
+    bench, terminal = WatchedClient(STATUS), Terminal((0.2, key), (0.3, "s"), (0.4, "q"))
     watch(bench, terminal, lambda: terminal.now_s)
     assert "stopped: the board is in SAFE" in terminal.drawn[1]
     assert "NOT CONFIRMED: the daemon did not answer" in terminal.drawn[2]
@@ -142,6 +144,35 @@ def test_what_came_of_a_stop_is_not_shown_as_if_it_were_of_now() -> None:
     watch(bench, terminal, lambda: terminal.now_s)
     assert "0 s ago: stopped: the board is in SAFE" in terminal.drawn[1]
     assert "60 s ago: stopped: the board is in SAFE" in terminal.drawn[-1]
+
+
+class Window:
+    """What a terminal sends at once, byte by byte."""
+
+    def __init__(self, sent: str) -> None:
+        self.sent = list(sent)
+
+    def timeout(self, ms: int) -> None:
+        """Nobody waits."""
+
+    def get_wch(self) -> str:
+        return self.sent.pop(0)
+
+
+@pytest.mark.parametrize(
+    ("sent", "keys"),
+    [("\x1b", ["\x1b"]), ("\x1b\x1b", ["\x1b"]), ("\x1b[1;5A", [""]), ("q", ["q"])],
+    ids=["escape", "escape twice", "ctrl and an arrow", "a letter"],
+)
+def test_escape_is_the_key_and_not_the_beginning_of_another(sent: str, keys: list[str]) -> None:
+    terminal = screen_terminal(Window(sent))
+    assert [terminal.key(0.0), terminal.key(0.0)] == [*keys, ""]
+
+
+def screen_terminal(window: Window) -> CursesTerminal:
+    terminal = CursesTerminal.__new__(CursesTerminal)
+    terminal.__dict__.update(_window=window, _error=IndexError)
+    return terminal
 
 
 def test_a_daemon_that_is_silent_is_not_shown_as_live() -> None:

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import errno
 import os
 import socket
 import stat
@@ -184,6 +185,20 @@ def test_a_wrong_port_is_refused_with_its_name(path: str, words: str) -> None:
     with pytest.raises(PortError, match=words) as refused:
         open_serial(path, 115_200)
     assert refused.value.value == path
+
+
+def test_without_permission_it_says_what_grants_it(
+    tty: tuple[int, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def denied(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr("serial.Serial", denied)
+    with pytest.raises(PortError, match="no permission to open") as refused:
+        open_serial(tty[1], 115_200)
+    # The udev rule gives the port to dialout, too: alone it opens nothing to anybody else.
+    assert "dialout" in refused.value.action
+    assert "udev" not in refused.value.action
 
 
 def test_a_file_is_no_port(tmp_path: Path) -> None:
