@@ -208,8 +208,9 @@ class Investigation:
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if not r.held_out]
         judgement = judge_runs(self.plant, self.reference, runs, progress=progress)
         costs = self._costs_s(report)
-        reserved = sum(costs[run.name] for run in quick)
-        left_s = self.seconds - report.spent_s - reserved
+        # Without a cause there is nothing to prove yet.
+        proof_s = sum(costs[run.name] for run in quick) if judgement.verdict.causes else 0.0
+        left_s = self.seconds - report.spent_s - proof_s
         return judgement, propose(judgement, costs, left_s)
 
     def _costs_s(self, report: Report) -> dict[str, float]:
@@ -222,12 +223,18 @@ class Investigation:
     def _proved(
         self, report: Report, quick: Sequence[ProgrammeRun], judgement: Judgement
     ) -> Report:
-        """The report with the quick runs played again, and the gap of the model on them."""
+        """The report with the quick runs played again while time is left, and the gap of the model
+        on them."""
         for run in quick[sum(r.held_out for r in report.records) :]:
+            if report.spent_s + self._costs_s(report)[run.name] > self.seconds:
+                self.say(f"no time is left to play {run.name} for proof")
+                break
             report = self._played(report, run, "for proof", held_out=True)
             if report.records[-1].ended:
                 break
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
+        if not runs:
+            return report
         pairs = pair_runs(with_places(self.plant), self.reference, runs)
         return msgspec.structs.replace(report, proof=gaps_on(judgement, pairs.evidence()))
 

@@ -71,9 +71,12 @@ def propose(judgement: Judgement, costs_s: Mapping[str, float], left_s: float) -
             QUIET: "nothing has changed beyond the repeat floor",
             PARAMETERS: "other values of the parameters explain it",
         }.get(verdict.outcome, "no cause was found")
-        new = (r.name for r in _not_played(pairs) if costs_s[r.name] <= left_s)
-        if run := next(new, None):
+        new = [r.name for r in _not_played(pairs)]
+        if run := next((name for name in new if costs_s[name] <= left_s), None):
             return Proposal(run, f"for the first time now: so far {finding}")
+        if new:
+            unplayed = ", ".join(new)
+            return Proposal(None, f"the time is spent: so far {finding}; not played: {unplayed}")
         return Proposal(None, f"settled: {finding}")
     staying = judgement.alternatives
     names = tuple(rival_words(pairs.plant, r) for r in staying)

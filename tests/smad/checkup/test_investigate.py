@@ -124,7 +124,10 @@ def test_nothing_is_settled_without_a_cause_before_every_run_was_played(
     found = propose(unplaced, COSTS, 600.0)
     assert found.run == "short"
     assert "for the first time now" in found.why
-    assert propose(unplaced, COSTS, 30.0).run is None
+    late = propose(unplaced, COSTS, 30.0)
+    assert late.run is None
+    assert late.why.startswith("the time is spent: so far ")
+    assert late.why.endswith("; not played: short")
 
 
 def test_one_rival_that_no_other_is_near_is_settled(lagging: Judgement) -> None:
@@ -275,3 +278,21 @@ def test_a_quiet_bench_needs_no_proof(reference: GoodRuns, tmp_path: Path) -> No
     report = inquiry(reference, tmp_path / "investigation-1", {}).carry_out(lambda text: None)
     assert report.why_over == "settled: nothing has changed beyond the repeat floor"
     assert (len(report.records), report.proof, report.model) == (2, [], "")
+
+
+def test_while_nothing_is_found_no_time_is_kept_for_a_proof(
+    reference: GoodRuns, tmp_path: Path
+) -> None:
+    asked = replace(inquiry(reference, tmp_path / "investigation-1", {}), seconds=130.0)
+    report = asked.carry_out(lambda text: None)
+    assert [r.run for r in report.records] == ["short", "still"]
+    assert report.why_over == "settled: nothing has changed beyond the repeat floor"
+
+
+def test_a_proof_does_not_take_longer_than_is_left(reference: GoodRuns, tmp_path: Path) -> None:
+    asked = replace(inquiry(reference, tmp_path / "investigation-1", GAIN), seconds=110.0)
+    report = asked.carry_out(lambda text: None)
+    assert [r.held_out for r in report.records] == [False]
+    assert report.spent_s <= 110.0
+    assert report.proof == []
+    assert report.model
