@@ -36,7 +36,7 @@ REST_S = 60.0
 
 class Record(msgspec.Struct, frozen=True):
     """A run of an investigation: its file, what it repeats, why it was played, whether it was held
-    out as proof, and what it took with its rest."""
+    out as proof, what it took with its rest, and why it ended early; `tripped`: by a fault."""
 
     file: str
     run: str
@@ -44,6 +44,7 @@ class Record(msgspec.Struct, frozen=True):
     held_out: bool
     took_s: float
     ended: str = ""
+    tripped: bool = False
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -154,23 +155,24 @@ class Investigation:
         quick = [run for run in self.programme.runs if run.quick and run.name in names]
         quick = quick or [self.programme.run(r.name) for r in self.reference.runs[:2]]
         for run in quick[sum(not r.held_out for r in report.records) :]:
-            if any(r.ended for r in report.records):
+            if any(r.tripped for r in report.records):
                 break
             report = self._played(report, run, "for the check-up", held_out=False)
         while True:
             judgement, proposal = self._judged(report, quick, progress)
             self.say(f"verdict: {judgement.verdict.headline}")
-            ended = next((r.ended for r in report.records if r.ended), "")
-            if ended or proposal.run is None:
-                self.say(proposal.why)
+            # A bench that only left its recording may be played on: each run begins from rest.
+            tripped = next((r.ended for r in report.records if r.tripped), "")
+            if tripped or proposal.run is None:
                 break
             report = self._played(
                 report, self.programme.run(proposal.run), proposal.why, held_out=False
             )
-        why = f"a run was ended early: {ended}" if ended else proposal.why
+        why = f"a run was ended early: {tripped}" if tripped else proposal.why
+        self.say(why)
         report = msgspec.structs.replace(report, verdict=judgement.verdict)
         if judgement.verdict.outcome != QUIET:
-            report = report if ended else self._proved(report, quick, judgement)
+            report = report if tripped else self._proved(report, quick, judgement)
             report = self._with_model(report, judgement)
         if proposal.staying:
             offers = unpaired_offers(judgement, self.programme)
@@ -193,10 +195,18 @@ class Investigation:
         number = len(report.records) + 1
         self.say(f"{number}: {run.name}, {run.duration_s:.0f} s, {why}")
         recorded = self.play(run, self.originals / f"{run.name}.mcap")
+        if recorded.ended:
+            self.say(f"{run.name} was ended early: {recorded.ended}")
         file = f"{number:02d}-{run.name}{recorded.path.suffix}"
         keep(recorded.path, self.folder / file)
         record = Record(
-            file, run.name, why, held_out, recorded.took_s or run.duration_s, recorded.ended
+            file,
+            run.name,
+            why,
+            held_out,
+            recorded.took_s or run.duration_s,
+            recorded.ended,
+            recorded.tripped,
         )
         report = msgspec.structs.replace(report, records=[*report.records, record])
         self._write(report)
@@ -230,7 +240,7 @@ class Investigation:
                 self.say(f"no time is left to play {run.name} for proof")
                 break
             report = self._played(report, run, "for proof", held_out=True)
-            if report.records[-1].ended:
+            if report.records[-1].tripped:
                 break
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
         if not runs:

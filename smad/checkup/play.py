@@ -97,19 +97,20 @@ class LivePlayer:
             sleep=time.sleep,
         )
         began_s = self._client.motion().board_time_s
-        log, ended = _carried_out(driver, plan, original)
-        return Recorded(log, ended, self._client.motion().board_time_s - began_s)
+        carried_out = _carried_out(driver, plan, original)
+        return Recorded(*carried_out, self._client.motion().board_time_s - began_s)
 
 
 def _carried_out(
     driver: VirtualDriver | RestFirstDriver, plan: Plan, original: Path | None
-) -> tuple[Path, str]:
-    """Carry out a plan; return its log, and why it was ended early, empty where it was not.
+) -> tuple[Path, str, bool]:
+    """Carry out a plan; return its log, why it was ended early, empty where it was not, and whether
+    by a fault.
 
     A bench with a trouble may trip where it did not when it was good, so a run that repeats another
     counts as far as it goes. Raises TrippedError where nothing is repeated: that is no good run.
     """
-    ended = ""
+    ended, tripped = "", False
     try:
         driver.run(plan)
     except EndedEarlyError as error:
@@ -117,6 +118,6 @@ def _carried_out(
     except TrippedError as error:
         if original is None or driver.log is None:
             raise
-        ended = f"{error.cause} ({error.value})"
+        ended, tripped = f"{error.cause} ({error.value})", True
     assert driver.log is not None
-    return driver.log, ended
+    return driver.log, ended, tripped

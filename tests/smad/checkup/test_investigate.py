@@ -186,10 +186,12 @@ def inquiry(
     *,
     fails_at: int = 0,
     trips_at: int = 0,
+    leaves_at: int = 0,
 ) -> Investigation:
     """An investigation of a simulated bench with effects.
 
-    The run number `fails_at` is lost, that of number `trips_at` is ended by a fault.
+    The run number `fails_at` is lost, that of number `trips_at` is ended by a fault, that of number
+    `leaves_at` because a reading is too far from the recorded one.
     """
     number = count(1)
 
@@ -200,7 +202,8 @@ def inquiry(
         log = folder.parent / "played.mcap"
         log.unlink(missing_ok=True)
         write_log(log, played(60 + k, effects, what=run))
-        return Recorded(log, "it tripped" if k == trips_at else "", took_s=60.0)
+        ended = {trips_at: "it tripped", leaves_at: "it left"}.get(k, "")
+        return Recorded(log, ended, k == trips_at, took_s=60.0)
 
     return Investigation(
         plant=PLANT,
@@ -262,6 +265,18 @@ def test_a_bench_that_trips_is_judged_by_what_was_recorded_and_asked_no_more(
     assert report.verdict is not None
     assert [c.name for c in report.verdict.causes] == ["driver_gain"]
     assert report.proof == []
+
+
+def test_a_bench_that_leaves_a_recorded_run_is_asked_for_the_others(
+    reference: GoodRuns, tmp_path: Path
+) -> None:
+    asked = inquiry(reference, tmp_path / "investigation-1", GAIN, leaves_at=1)
+    both = replace(PROGRAMME, runs=tuple(replace(run, quick=True) for run in PROGRAMME.runs))
+    report = replace(asked, programme=both).carry_out(lambda text: None)
+    assert [r.run for r in report.records if not r.held_out] == ["short", "still"]
+    assert [r.ended for r in report.records][:2] == ["it left", ""]
+    assert not report.why_over.startswith("a run was ended early")
+    assert report.proof
 
 
 def test_a_report_that_was_torn_is_told_with_what_to_do(

@@ -61,6 +61,7 @@ def test_a_repeat_that_trips_is_kept_as_far_as_it_goes(client: Tripping, tmp_pat
     driver(folder=tmp_path).run(plan)
     recorded = player(client)(RUN, log_path(tmp_path, plan))
     assert recorded.ended == "run short: the board left ARMED (FAULT, no_cooling)"
+    assert recorded.tripped
     assert 0.3 < read_run(recorded.path).duration_s < 5.0
 
 
@@ -82,3 +83,15 @@ def test_a_simulated_repeat_that_trips_is_kept_as_far_as_it_goes(tmp_path: Path)
         assert 0.3 < read_run(recorded.path).duration_s < RUN.duration_s
     with simulated(weak, seed=2) as series, pytest.raises(TrippedError, match="CURRENT_LOW"):
         series(0)(RUN, None)
+
+
+def test_a_repeat_whose_readings_leave_the_good_run_has_not_tripped(tmp_path: Path) -> None:
+    nominal = built_in("A")
+    offset = nominal.with_effects({"force_offset": {"offset_N": 1.0}, "force_gain": {"gain": 0.2}})
+    with simulated(nominal, seed=1) as series:
+        good = tmp_path / "good.mcap"
+        good.write_bytes(series(0)(RUN, None).path.read_bytes())
+    with simulated(offset, seed=2) as series:
+        recorded = series(0)(RUN, good)
+    assert "control.repeat allows" in recorded.ended
+    assert not recorded.tripped
