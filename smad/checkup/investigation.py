@@ -25,11 +25,13 @@ from smad.diagnosis.answer import gaps_on
 from smad.diagnosis.paired.difference import pair_runs
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.places.bare import with_places
+from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.verdict import QUIET, SignalGap, Verdict
 from smad.errors import refused_by_system
 from smad.progress import Say
 
+REPORT = "investigation.json"
 REST_S = 60.0
 """Assumed rest before a run, until one has been measured."""
 
@@ -90,11 +92,16 @@ def read_report(path: Path) -> Report:
         ) from None
 
 
+def judged_runs(folder: Path, report: Report) -> list[tuple[GapRun, str]]:
+    """The runs that were not held out, each with the name of the good run that it repeats."""
+    return [(read_file(folder / r.file), r.run) for r in report.records if not r.held_out]
+
+
 def open_folder(folder: Path) -> Path:
     """Where the investigation of a baseline's folder goes on, or the next one begins."""
 
     def goes_on(place: Path) -> bool:
-        report = place / "investigation.json"
+        report = place / REPORT
         return report.exists() and not read_report(report).why_over
 
     return newest_open(folder, "investigation", goes_on)
@@ -184,7 +191,7 @@ class Investigation:
         return report
 
     def _report_so_far(self) -> Report:
-        path = self.folder / "investigation.json"
+        path = self.folder / REPORT
         if path.exists():
             report = read_report(path)
             self.say(f"goes on with {counted(len(report.records), 'run')} of {self.folder}")
@@ -215,7 +222,7 @@ class Investigation:
     def _judged(
         self, report: Report, quick: Sequence[ProgrammeRun], progress: Say
     ) -> tuple[Judgement, Proposal]:
-        runs = [(read_file(self.folder / r.file), r.run) for r in report.records if not r.held_out]
+        runs = judged_runs(self.folder, report)
         judgement = judge_runs(self.plant, self.reference, runs, progress=progress)
         costs = self._costs_s(report)
         # Without a cause there is nothing to prove yet.
@@ -257,4 +264,4 @@ class Investigation:
 
     def _write(self, report: Report) -> None:
         text = msgspec.json.format(msgspec.json.encode(report), indent=1)
-        write_whole(self.folder / "investigation.json", text)
+        write_whole(self.folder / REPORT, text)

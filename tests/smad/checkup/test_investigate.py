@@ -10,6 +10,7 @@ import pytest
 
 from evaluation.programme.segments import run_of
 from sim_device.plant.laws import Factor, Law, Term
+from smad.checkup.check import proposed
 from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError
 from smad.checkup.investigation import Investigation, Report
@@ -17,6 +18,7 @@ from smad.checkup.judge import Judgement, judge_runs
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.proposal import propose, unpaired_offers
 from smad.checkup.series import Recorded
+from smad.checkup.store import Baseline, save
 from smad.diagnosis.answer import gaps_on
 from smad.diagnosis.paired.difference import pair_runs
 from smad.diagnosis.paired.good import GoodRuns
@@ -287,6 +289,18 @@ def test_a_report_that_was_torn_is_told_with_what_to_do(
     (folder / "investigation.json").write_text('{"records": [')
     with pytest.raises(BaselineError, match=r"cannot be read.*move .*investigation-1 away"):
         inquiry(reference, folder, GAIN).carry_out(lambda text: None)
+
+
+def test_what_to_play_next_follows_from_the_runs_that_an_investigation_judged(
+    reference: GoodRuns, tmp_path: Path
+) -> None:
+    save(Baseline("bench", "digest", reference), PLANT, tmp_path)
+    report = inquiry(reference, tmp_path / "investigation-1", GAIN).carry_out(lambda text: None)
+    assert [r.held_out for r in report.records] == [False, True]
+    judgement, _ = proposed(tmp_path, PLANT, lambda text: None)
+    assert report.verdict is not None
+    assert [r.repeats for r in judgement.verdict.runs] == ["short"]
+    assert judgement.verdict.headline == report.verdict.headline
 
 
 def test_a_quiet_bench_needs_no_proof(reference: GoodRuns, tmp_path: Path) -> None:
