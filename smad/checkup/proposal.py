@@ -119,7 +119,9 @@ def _offers(judgement: Judgement) -> list[Offer]:
     for run in _not_played(pairs):
         rows = rows_of(pairs.plant, pairs.good, run, run.valid, np.zeros(run.base.shape))
         slopes = rows.shrink(rows.independent(sd[:, None, None] * run.slopes))
-        out.append(_offer(judgement, run.name, run.played, rows, slopes))
+        # As a pair of it would be judged: its sensors are given what was measured.
+        played = run.as_measured(pairs.plant)
+        out.append(_offer(judgement, run.name, played, rows, slopes))
     return out
 
 

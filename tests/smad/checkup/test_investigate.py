@@ -23,7 +23,7 @@ from smad.diagnosis.answer import gaps_on
 from smad.diagnosis.paired.difference import pair_runs
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.places.bare import with_places
-from smad.diagnosis.plant import EffectValues
+from smad.diagnosis.plant import EffectValues, ModelPoint
 from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.rival import Rival, free_model
 from smad.diagnosis.runs import GapRun
@@ -89,24 +89,46 @@ def undecided(found: Judgement, *laws: Law) -> Judgement:
         rivals=[],
     )
     point = found.pairs.good.point
-    rivals = []
-    for k, law in enumerate(laws):
-        model = free_model(found.pairs.plant, replace(point, laws=(law,)))
-        none = np.zeros((0, 0))
-        made = Fit(
-            model=model,
-            x=np.zeros(model.parameters),
-            residual=none,
-            slopes=none,
-            linearized_at=np.zeros(model.parameters),
-            objective=0.0,
-            shift=(),
-        )
-        rivals.append(
-            Rival(kind="effect", name=f"{law.place} {k}", fit=made, squares=none, scores=none)
-        )
+    rivals = [
+        rival(found, f"{law.place} {k}", replace(point, laws=(law,))) for k, law in enumerate(laws)
+    ]
     verdict = msgspec.structs.replace(found.verdict, outcome="causes", causes=[cause])
     return replace(found, verdict=verdict, alternatives=tuple(rivals))
+
+
+def rival(found: Judgement, name: str, point: ModelPoint) -> Rival:
+    """A rival of a check-up whose simulator is at a point."""
+    model, none = free_model(found.pairs.plant, point), np.zeros((0, 0))
+    made = Fit(
+        model=model,
+        x=np.zeros(model.parameters),
+        residual=none,
+        slopes=none,
+        linearized_at=np.zeros(model.parameters),
+        objective=0.0,
+        shift=(),
+    )
+    return Rival(kind="effect", name=name, fit=made, squares=none, scores=none)
+
+
+def test_a_run_separates_a_lag_by_the_measured_course_not_by_that_of_the_model(
+    lagging: Judgement,
+) -> None:
+    pairs, good = lagging.pairs, lagging.pairs.good
+    wavy = [np.array(run.mean) for run in good.runs]
+    for mean in wavy:
+        mean[:, 4] += 3.0 * np.sin(np.arange(len(mean)))
+    runs = tuple(replace(run, mean=mean) for run, mean in zip(good.runs, wavy, strict=True))
+    as_measured = replace(lagging, pairs=replace(pairs, good=replace(good, runs=runs)))
+    lag, other = (
+        rival(lagging, "rtd_lag", replace(good.point, effects=LAG)),
+        rival(lagging, "other", replace(good.point, laws=(SMALL,))),
+    )
+    of_model, of_readings = (
+        propose(replace(undecided(found, SMALL), alternatives=(lag, other)), COSTS, 600.0)
+        for found in (lagging, as_measured)
+    )
+    assert of_readings.offers[0].separation > 2.0 * of_model.offers[0].separation
 
 
 def test_the_run_that_tells_rivals_apart_is_proposed_with_the_reason(lagging: Judgement) -> None:
