@@ -74,8 +74,16 @@ class LivePlayer:
     def __init__(self, client: Client, *, bench: str, say: Say, progress: Say) -> None:
         self._client = client
         self._bench = bench
-        self._say = say
-        self._progress = progress
+        # One driver for all runs: it knows that after its own disarm the springs are still warm.
+        self._driver = RestFirstDriver(
+            client,
+            strokes=True,
+            elsewhere=say,
+            who="smad gap",
+            lease_s=LEASE_S,
+            progress=progress,
+            sleep=time.sleep,
+        )
         self._config = parse_config(client.config())
         board = client.status().board
         self._uid = "" if board is None else board.uid
@@ -86,18 +94,10 @@ class LivePlayer:
         if repeat is not None:
             repeat.require_fit(self._config)
             repeat.require_bench(self._uid, self._bench)
-        driver = RestFirstDriver(
-            self._client,
-            start=None if repeat is None else repeat.start,
-            strokes=True,
-            elsewhere=self._say,
-            who="smad gap",
-            lease_s=LEASE_S,
-            progress=self._progress,
-            sleep=time.sleep,
-        )
+        self._driver.start = None if repeat is None else repeat.start
+        self._driver.log = None
         began_s = self._client.motion().board_time_s
-        carried_out = _carried_out(driver, plan, original)
+        carried_out = _carried_out(self._driver, plan, original)
         return Recorded(*carried_out, self._client.motion().board_time_s - began_s)
 
 
