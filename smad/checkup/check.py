@@ -19,6 +19,7 @@ from smad.checkup.files import (
     require_one_bench,
     require_other_recordings,
 )
+from smad.checkup.investigation import REPORT, judged_runs, read_report
 from smad.checkup.judge import Judgement, judge_runs
 from smad.checkup.programme import Programme
 from smad.checkup.proposal import Proposal, propose
@@ -97,12 +98,11 @@ def proposed(folder: Path, plant: PlantModel, progress: Say) -> tuple[Judgement,
         )
     newest = max(places, key=lambda place: place.stat().st_mtime)
     names = baseline.reference.names
-    # An investigation numbers its runs: 01-run-1, 02-run-2, 03-run-1.
-    named = [
-        (f.run, f.name if f.name in names else f.name.partition("-")[2])
-        for f in read_folder(newest)
-    ]
-    runs = [(run, name) for run, name in named if name in names]
+    if (newest / REPORT).exists():
+        runs = judged_runs(newest, read_report(newest / REPORT))
+    else:
+        runs = [(f.run, f.name) for f in read_folder(newest)]
+    runs = [(run, name) for run, name in runs if name in names]
     judgement = judge_runs(plant, baseline.reference, runs, progress=progress)
     return judgement, propose(judgement, dict.fromkeys(names, 1.0), left_s=1.0)
 

@@ -29,13 +29,14 @@ from smad.diagnosis.verdict import QUIET, SignalGap, Verdict
 from smad.errors import refused_by_system
 from smad.progress import Say
 
+REPORT = "investigation.json"
 REST_S = 60.0
 """Assumed rest before a run, until one has been measured."""
 
 
 class Record(msgspec.Struct, frozen=True):
     """A run of an investigation: its file, what it repeats, why it was played, whether it was held
-    out as proof, and what it took with its rest."""
+    out as proof, what it took with its rest, and why it ended early; `tripped`: by a fault."""
 
     file: str
     run: str
@@ -43,6 +44,7 @@ class Record(msgspec.Struct, frozen=True):
     held_out: bool
     took_s: float
     ended: str = ""
+    tripped: bool = False
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -88,11 +90,21 @@ def read_report(path: Path) -> Report:
         ) from None
 
 
+def judged_runs(folder: Path, report: Report) -> list[tuple[GapRun, str]]:
+    """The runs that were not held out, each with the name of the good run that it repeats."""
+    return _recorded(folder, report, held_out=False)
+
+
+def _recorded(folder: Path, report: Report, *, held_out: bool) -> list[tuple[GapRun, str]]:
+    records = [r for r in report.records if r.held_out == held_out]
+    return [(read_file(folder / r.file).run, r.run) for r in records]
+
+
 def open_folder(folder: Path) -> Path:
     """Where the investigation of a baseline's folder goes on, or the next one begins."""
 
     def goes_on(place: Path) -> bool:
-        report = place / "investigation.json"
+        report = place / REPORT
         return report.exists() and not read_report(report).why_over
 
     return newest_open(folder, "investigation", goes_on)
@@ -156,23 +168,24 @@ class Investigation:
         quick = [run for run in self.programme.runs if run.quick and run.name in names]
         quick = quick or [self.programme.run(r.name) for r in self.reference.runs[:2]]
         for run in quick[sum(not r.held_out for r in report.records) :]:
-            if any(r.ended for r in report.records):
+            if any(r.tripped for r in report.records):
                 break
             report = self._played(report, run, "for the check-up", held_out=False)
         while True:
             judgement, proposal = self._judged(report, quick, progress)
             self.say(f"verdict: {judgement.verdict.headline}")
-            ended = next((r.ended for r in report.records if r.ended), "")
-            if ended or proposal.run is None:
-                self.say(proposal.why)
+            # A bench that only left its recording may be played on: each run begins from rest.
+            tripped = next((r.ended for r in report.records if r.tripped), "")
+            if tripped or proposal.run is None:
                 break
             report = self._played(
                 report, self.programme.run(proposal.run), proposal.why, held_out=False
             )
-        why = f"a run was ended early: {ended}" if ended else proposal.why
+        why = f"a run was ended early: {tripped}" if tripped else proposal.why
+        self.say(why)
         report = msgspec.structs.replace(report, verdict=judgement.verdict)
         if judgement.verdict.outcome != QUIET:
-            report = report if ended else self._proved(report, quick, judgement)
+            report = report if tripped else self._proved(report, quick, judgement)
             report = self._with_model(report, judgement)
         if proposal.staying:
             offers = unpaired_offers(judgement, self.programme)
@@ -187,10 +200,18 @@ class Investigation:
         number = len(report.records) + 1
         self.say(f"{number}: {run.name}, {run.duration_s:.0f} s, {why}")
         recorded = self.play(run, self.originals / f"{run.name}.mcap")
+        if recorded.ended:
+            self.say(f"{run.name} was ended early: {recorded.ended}")
         file = f"{number:02d}-{run.name}{recorded.path.suffix}"
         keep(recorded.path, self.folder / file)
         record = Record(
-            file, run.name, why, held_out, recorded.took_s or run.duration_s, recorded.ended
+            file,
+            run.name,
+            why,
+            held_out,
+            recorded.took_s or run.duration_s,
+            recorded.ended,
+            recorded.tripped,
         )
         report = msgspec.structs.replace(report, records=[*report.records, record])
         self._write(report)
@@ -200,29 +221,36 @@ class Investigation:
         self, report: Report, quick: Sequence[ProgrammeRun], progress: Say
     ) -> tuple[Judgement, Proposal]:
         """The verdict so far, and what to play next if each rest is as long as the longest."""
-        runs = self._recorded(report, held_out=False)
+        runs = judged_runs(self.folder, report)
         judgement = judge_runs(self.plant, self.reference, runs, progress=progress)
+        costs = self._costs_s(report)
+        # Without a cause there is nothing to prove yet.
+        proof_s = sum(costs[run.name] for run in quick) if judgement.verdict.causes else 0.0
+        left_s = self.seconds - report.spent_s - proof_s
+        return judgement, propose(judgement, costs, left_s)
+
+    def _costs_s(self, report: Report) -> dict[str, float]:
+        """Time for each run: its duration and the longest rest so far."""
         lengths = {run.name: run.duration_s for run in self.programme.runs}
         rests = [r.took_s - lengths[r.run] for r in report.records if not r.ended]
         rest = max(rests, default=REST_S)
-        costs = {r.name: lengths[r.name] + rest for r in self.reference.runs}
-        reserved = sum(costs[run.name] for run in quick)
-        left_s = self.seconds - report.spent_s - reserved
-        return judgement, propose(judgement, costs, left_s)
-
-    def _recorded(self, report: Report, *, held_out: bool) -> list[tuple[GapRun, str]]:
-        records = [r for r in report.records if r.held_out == held_out]
-        return [(read_file(self.folder / r.file).run, r.run) for r in records]
+        return {r.name: lengths[r.name] + rest for r in self.reference.runs}
 
     def _proved(
         self, report: Report, quick: Sequence[ProgrammeRun], judgement: Judgement
     ) -> Report:
-        """The report with the quick runs played again, and the gap of the model on them."""
+        """The report with the quick runs played again while time is left, and the gap of the model
+        on them."""
         for run in quick[sum(r.held_out for r in report.records) :]:
-            report = self._played(report, run, "for proof", held_out=True)
-            if report.records[-1].ended:
+            if report.spent_s + self._costs_s(report)[run.name] > self.seconds:
+                self.say(f"no time is left to play {run.name} for proof")
                 break
-        runs = self._recorded(report, held_out=True)
+            report = self._played(report, run, "for proof", held_out=True)
+            if report.records[-1].tripped:
+                break
+        runs = _recorded(self.folder, report, held_out=True)
+        if not runs:
+            return report
         pairs = pair_runs(with_places(self.plant), self.reference, runs)
         return msgspec.structs.replace(report, proof=gaps_on(judgement, pairs.evidence()))
 
@@ -235,4 +263,4 @@ class Investigation:
 
     def _write(self, report: Report) -> None:
         text = msgspec.json.format(msgspec.json.encode(report), indent=1)
-        write_whole(self.folder / "investigation.json", text)
+        write_whole(self.folder / REPORT, text)

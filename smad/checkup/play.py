@@ -65,24 +65,27 @@ def live(client: Client, *, bench: str, say: Say, progress: Say) -> Player:
     board = client.status().board
     uid = "" if board is None else board.uid
 
+    # One driver for all runs: it knows that after its own disarm the springs are still warm.
+    driver = RestFirstDriver(
+        client,
+        strokes=True,
+        elsewhere=say,
+        who="smad gap",
+        lease_s=LEASE_S,
+        progress=progress,
+        sleep=time.sleep,
+    )
+
     def play(run: ProgrammeRun, original: Path | None) -> Recorded:
         plan, repeat = _planned(run, original)
         if repeat is not None:
             repeat.require_fit(config)
             repeat.require_bench(uid, bench)
-        driver = RestFirstDriver(
-            client,
-            start=None if repeat is None else repeat.start,
-            strokes=True,
-            elsewhere=say,
-            who="smad gap",
-            lease_s=LEASE_S,
-            progress=progress,
-            sleep=time.sleep,
-        )
+        driver.start = None if repeat is None else repeat.start
+        driver.log = None
         began_s = client.motion().board_time_s
-        log, ended = _carried_out(driver, plan, original)
-        return Recorded(log, ended, client.motion().board_time_s - began_s)
+        carried_out = _carried_out(driver, plan, original)
+        return Recorded(*carried_out, client.motion().board_time_s - began_s)
 
     # One client plays all series: another would not know of a stop before it. Between the runs, and
     # after them, the bench is anybody's: nothing is disarmed that this client has not armed.
@@ -91,13 +94,14 @@ def live(client: Client, *, bench: str, say: Say, progress: Say) -> Player:
 
 def _carried_out(
     driver: VirtualDriver | RestFirstDriver, plan: Plan, original: Path | None
-) -> tuple[Path, str]:
-    """Carry out a plan; return its log, and why it was ended early, empty where it was not.
+) -> tuple[Path, str, bool]:
+    """Carry out a plan; return its log, why it was ended early, empty where it was not, and whether
+    by a fault.
 
     A bench with a trouble may trip where it did not when it was good, so a run that repeats another
     counts as far as it goes. Raises TrippedError where nothing is repeated: that is no good run.
     """
-    ended = ""
+    ended, tripped = "", False
     try:
         driver.run(plan)
     except EndedEarlyError as error:
@@ -105,6 +109,6 @@ def _carried_out(
     except TrippedError as error:
         if original is None or driver.log is None:
             raise
-        ended = f"{error.cause} ({error.value})"
+        ended, tripped = f"{error.cause} ({error.value})", True
     assert driver.log is not None
-    return driver.log, ended
+    return driver.log, ended, tripped

@@ -69,9 +69,12 @@ def propose(judgement: Judgement, costs_s: Mapping[str, float], left_s: float) -
             QUIET: "nothing has changed beyond the repeat floor",
             PARAMETERS: "other values of the parameters explain it",
         }.get(verdict.outcome, "no cause was found")
-        new = (r.name for r in _not_played(pairs) if costs_s[r.name] <= left_s)
-        if run := next(new, None):
+        new = [r.name for r in _not_played(pairs)]
+        if run := next((name for name in new if costs_s[name] <= left_s), None):
             return Proposal(run, f"for the first time now: so far {finding}")
+        if new:
+            unplayed = ", ".join(new)
+            return Proposal(None, f"the time is spent: so far {finding}; not played: {unplayed}")
         return Proposal(None, f"settled: {finding}")
     staying = judgement.alternatives
     names = tuple(rival_words(pairs.plant, r) for r in staying)
@@ -114,7 +117,9 @@ def _offers(judgement: Judgement) -> list[Offer]:
     for run in _not_played(pairs):
         rows = rows_of(pairs.plant, pairs.good, run, run.valid, np.zeros(run.base.shape))
         slopes = rows.shrink(rows.independent(sd[:, None, None] * run.slopes))
-        out.append(_offer(judgement, run.name, run.played, rows, slopes))
+        # As a pair of it would be judged: its sensors are given what was measured.
+        played = run.as_measured(pairs.plant)
+        out.append(_offer(judgement, run.name, played, rows, slopes))
     return out
 
 

@@ -29,11 +29,13 @@ _STATE = "series.json"
 class Recorded:
     """Where a run was recorded, and the time it took on the bench with the rest before it.
 
-    `ended` says why it ended early, empty when it did not.
+    `ended` says why it ended early, empty when it did not; `tripped`: by a fault, and not because a
+    reading left the run that it repeats.
     """
 
     path: Path
     ended: str = ""
+    tripped: bool = False
     took_s: float = 0.0
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from evaluation.programme.segments import run_of
 from sim_device.plant.laws import Factor, Law, Term
+from smad.checkup.check import proposed
 from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError
 from smad.checkup.investigation import Investigation, Report
@@ -17,11 +18,12 @@ from smad.checkup.judge import Judgement, judge_runs
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.proposal import propose, unpaired_offers
 from smad.checkup.series import Recorded
+from smad.checkup.store import Baseline, save
 from smad.diagnosis.answer import gaps_on
 from smad.diagnosis.paired.difference import pair_runs
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.places.bare import with_places
-from smad.diagnosis.plant import EffectValues
+from smad.diagnosis.plant import EffectValues, ModelPoint
 from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.rival import Rival, free_model
 from smad.diagnosis.runs import GapRun
@@ -87,24 +89,46 @@ def undecided(found: Judgement, *laws: Law) -> Judgement:
         rivals=[],
     )
     point = found.pairs.good.point
-    rivals = []
-    for k, law in enumerate(laws):
-        model = free_model(found.pairs.plant, replace(point, laws=(law,)))
-        none = np.zeros((0, 0))
-        made = Fit(
-            model=model,
-            x=np.zeros(model.parameters),
-            residual=none,
-            slopes=none,
-            linearized_at=np.zeros(model.parameters),
-            objective=0.0,
-            shift=(),
-        )
-        rivals.append(
-            Rival(kind="effect", name=f"{law.place} {k}", fit=made, squares=none, scores=none)
-        )
+    rivals = [
+        rival(found, f"{law.place} {k}", replace(point, laws=(law,))) for k, law in enumerate(laws)
+    ]
     verdict = msgspec.structs.replace(found.verdict, outcome="causes", causes=[cause])
     return replace(found, verdict=verdict, alternatives=tuple(rivals))
+
+
+def rival(found: Judgement, name: str, point: ModelPoint) -> Rival:
+    """A rival of a check-up whose simulator is at a point."""
+    model, none = free_model(found.pairs.plant, point), np.zeros((0, 0))
+    made = Fit(
+        model=model,
+        x=np.zeros(model.parameters),
+        residual=none,
+        slopes=none,
+        linearized_at=np.zeros(model.parameters),
+        objective=0.0,
+        shift=(),
+    )
+    return Rival(kind="effect", name=name, fit=made, squares=none, scores=none)
+
+
+def test_a_run_separates_a_lag_by_the_measured_course_not_by_that_of_the_model(
+    lagging: Judgement,
+) -> None:
+    pairs, good = lagging.pairs, lagging.pairs.good
+    wavy = [np.array(run.mean) for run in good.runs]
+    for mean in wavy:
+        mean[:, 4] += 3.0 * np.sin(np.arange(len(mean)))
+    runs = tuple(replace(run, mean=mean) for run, mean in zip(good.runs, wavy, strict=True))
+    as_measured = replace(lagging, pairs=replace(pairs, good=replace(good, runs=runs)))
+    lag, other = (
+        rival(lagging, "rtd_lag", replace(good.point, effects=LAG)),
+        rival(lagging, "other", replace(good.point, laws=(SMALL,))),
+    )
+    of_model, of_readings = (
+        propose(replace(undecided(found, SMALL), alternatives=(lag, other)), COSTS, 600.0)
+        for found in (lagging, as_measured)
+    )
+    assert of_readings.offers[0].separation > 2.0 * of_model.offers[0].separation
 
 
 def test_the_run_that_tells_rivals_apart_is_proposed_with_the_reason(lagging: Judgement) -> None:
@@ -124,7 +148,10 @@ def test_nothing_is_settled_without_a_cause_before_every_run_was_played(
     found = propose(unplaced, COSTS, 600.0)
     assert found.run == "short"
     assert "for the first time now" in found.why
-    assert propose(unplaced, COSTS, 30.0).run is None
+    late = propose(unplaced, COSTS, 30.0)
+    assert late.run is None
+    assert late.why.startswith("the time is spent: so far ")
+    assert late.why.endswith("; not played: short")
 
 
 def test_one_rival_that_no_other_is_near_is_settled(lagging: Judgement) -> None:
@@ -183,10 +210,12 @@ def inquiry(
     *,
     fails_at: int = 0,
     trips_at: int = 0,
+    leaves_at: int = 0,
 ) -> Investigation:
     """An investigation of a simulated bench with effects.
 
-    The run number `fails_at` is lost, that of number `trips_at` is ended by a fault.
+    The run number `fails_at` is lost, that of number `trips_at` is ended by a fault, that of number
+    `leaves_at` because a reading is too far from the recorded one.
     """
     number = count(1)
 
@@ -197,7 +226,8 @@ def inquiry(
         log = folder.parent / "played.mcap"
         log.unlink(missing_ok=True)
         write_log(log, played(60 + k, effects, what=run))
-        return Recorded(log, "it tripped" if k == trips_at else "", took_s=60.0)
+        ended = {trips_at: "it tripped", leaves_at: "it left"}.get(k, "")
+        return Recorded(log, ended, k == trips_at, took_s=60.0)
 
     return Investigation(
         plant=PLANT,
@@ -261,6 +291,18 @@ def test_a_bench_that_trips_is_judged_by_what_was_recorded_and_asked_no_more(
     assert report.proof == []
 
 
+def test_a_bench_that_leaves_a_recorded_run_is_asked_for_the_others(
+    reference: GoodRuns, tmp_path: Path
+) -> None:
+    asked = inquiry(reference, tmp_path / "investigation-1", GAIN, leaves_at=1)
+    both = replace(PROGRAMME, runs=tuple(replace(run, quick=True) for run in PROGRAMME.runs))
+    report = replace(asked, programme=both).carry_out(lambda text: None)
+    assert [r.run for r in report.records if not r.held_out] == ["short", "still"]
+    assert [r.ended for r in report.records][:2] == ["it left", ""]
+    assert not report.why_over.startswith("a run was ended early")
+    assert report.proof
+
+
 def test_a_report_that_was_torn_is_told_with_what_to_do(
     reference: GoodRuns, tmp_path: Path
 ) -> None:
@@ -271,7 +313,37 @@ def test_a_report_that_was_torn_is_told_with_what_to_do(
         inquiry(reference, folder, GAIN).carry_out(lambda text: None)
 
 
+def test_what_to_play_next_follows_from_the_runs_that_an_investigation_judged(
+    reference: GoodRuns, tmp_path: Path
+) -> None:
+    save(Baseline("bench", "digest", reference), PLANT, tmp_path)
+    report = inquiry(reference, tmp_path / "investigation-1", GAIN).carry_out(lambda text: None)
+    assert [r.held_out for r in report.records] == [False, True]
+    judgement, _ = proposed(tmp_path, PLANT, lambda text: None)
+    assert report.verdict is not None
+    assert [r.repeats for r in judgement.verdict.runs] == ["short"]
+    assert judgement.verdict.headline == report.verdict.headline
+
+
 def test_a_quiet_bench_needs_no_proof(reference: GoodRuns, tmp_path: Path) -> None:
     report = inquiry(reference, tmp_path / "investigation-1", {}).carry_out(lambda text: None)
     assert report.why_over == "settled: nothing has changed beyond the repeat floor"
     assert (len(report.records), report.proof, report.model) == (2, [], "")
+
+
+def test_while_nothing_is_found_no_time_is_kept_for_a_proof(
+    reference: GoodRuns, tmp_path: Path
+) -> None:
+    asked = replace(inquiry(reference, tmp_path / "investigation-1", {}), seconds=130.0)
+    report = asked.carry_out(lambda text: None)
+    assert [r.run for r in report.records] == ["short", "still"]
+    assert report.why_over == "settled: nothing has changed beyond the repeat floor"
+
+
+def test_a_proof_does_not_take_longer_than_is_left(reference: GoodRuns, tmp_path: Path) -> None:
+    asked = replace(inquiry(reference, tmp_path / "investigation-1", GAIN), seconds=110.0)
+    report = asked.carry_out(lambda text: None)
+    assert [r.held_out for r in report.records] == [False]
+    assert report.spent_s <= 110.0
+    assert report.proof == []
+    assert report.model

@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -15,12 +16,14 @@ from sim_device.plant.models import built_in
 from smad import api
 from smad.checkup.play import live, simulated
 from smad.checkup.series import NOW, Play
+from smad.config import Config, config_to_toml
 from smad.experiments.driver import log_path
 from smad.experiments.errors import TrippedError
 from smad.runlog.reader import read_run
 from tests.smad.checkup.short import SHORT
 from tests.smad.experiments.fake_client import FakeClient
 from tests.smad.experiments.helpers import driver
+from tests.smad.experiments.test_leased import Noting
 
 RUN = replace(SHORT, duration_s=12.0, t_s=SHORT.t_s[:4], inputs=SHORT.inputs[:4])
 TRIP = api.Fault(number=7, name="no_cooling")
@@ -46,6 +49,19 @@ class Tripping(FakeClient):
         """The bench is a fake."""
 
 
+class Warm(Noting):
+    """A bench whose springs may be too warm to arm."""
+
+    def motion(self) -> Any:
+        return SimpleNamespace(armed=self.armed, board_time_s=self.time_s)
+
+    def config(self) -> str:
+        return config_to_toml(Config())
+
+    def status(self) -> Any:
+        return SimpleNamespace(board=None)
+
+
 @pytest.fixture
 def client(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Tripping:
     own = Tripping(tmp_path)
@@ -62,7 +78,28 @@ def test_a_repeat_that_trips_is_kept_as_far_as_it_goes(client: Tripping, tmp_pat
     driver(folder=tmp_path).run(plan)
     recorded = player(client)(RUN, log_path(tmp_path, plan))
     assert recorded.ended == "run short: the board left ARMED (FAULT, no_cooling)"
+    assert recorded.tripped
     assert 0.3 < read_run(recorded.path).duration_s < 5.0
+
+
+def test_the_next_run_waits_until_the_springs_are_cold_enough_to_arm(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As after a run that was ended while a spring was hot."""
+    bench: Any = Warm()
+
+    def run(driver: Any, plan: Any) -> None:
+        driver.log = Path("a.mcap")
+        bench.run(plan)
+
+    monkeypatch.setattr("smad.checkup.play.RestFirstDriver._run", run)
+    monkeypatch.setattr("smad.checkup.play.time.sleep", bench.sleep)
+    own = live(bench, bench="bench", say=print, progress=bench.done.append)(NOW)
+    own(RUN, None)
+    bench.refusals = 2
+    own(RUN, None)
+    assert bench.done.count("ran") == 2
+    assert "short: waiting until the springs are cold enough to arm" in bench.done
 
 
 def test_a_first_recording_that_trips_is_no_good_run(client: Tripping) -> None:
@@ -83,3 +120,15 @@ def test_a_simulated_repeat_that_trips_is_kept_as_far_as_it_goes(tmp_path: Path)
         assert 0.3 < read_run(recorded.path).duration_s < RUN.duration_s
     with simulated(weak, seed=2) as series, pytest.raises(TrippedError, match="CURRENT_LOW"):
         series(0)(RUN, None)
+
+
+def test_a_repeat_whose_readings_leave_the_good_run_has_not_tripped(tmp_path: Path) -> None:
+    nominal = built_in("A")
+    offset = nominal.with_effects({"force_offset": {"offset_N": 1.0}, "force_gain": {"gain": 0.2}})
+    with simulated(nominal, seed=1) as series:
+        good = tmp_path / "good.mcap"
+        good.write_bytes(series(0)(RUN, None).path.read_bytes())
+    with simulated(offset, seed=2) as series:
+        recorded = series(0)(RUN, good)
+    assert "control.repeat allows" in recorded.ended
+    assert not recorded.tripped
