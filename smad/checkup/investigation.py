@@ -160,7 +160,7 @@ class Investigation:
 
     def carry_out(self, progress: Say) -> Report:
         """Play and judge until it is over. What was recorded is kept whatever happens."""
-        report, path = Report([]), self.folder / "investigation.json"
+        report, path = Report([]), self.folder / REPORT
         if path.exists():
             report = read_report(path)
             self.say(f"goes on with {counted(len(report.records), 'run')} of {self.folder}")
