@@ -378,7 +378,8 @@ def _models(
     question: Question, precision: Precision, stages: Sequence[Rival], note: str
 ) -> list[str]:
     """Model files as text: with fitted parameters, with each cause; none without `SavesModel`."""
-    writer = unwrapped(question.model.plant)
+    plant = question.model.plant
+    writer = plant if isinstance(plant, SavesModel) else unwrapped(plant)
     if not isinstance(writer, SavesModel):
         return []
     out = []

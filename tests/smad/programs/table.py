@@ -126,7 +126,7 @@ def _against_a_baseline(*words: str) -> Callable[[Path], str]:
         good = folder / "baseline" / "good-1"
         good.mkdir(parents=True)
         (good / f"{name}.mcap").write_bytes(_recorded())
-        reference = SimpleNamespace(runs=[SimpleNamespace(name=name)])
+        reference = SimpleNamespace(runs=[SimpleNamespace(name=name)], names={name})
         baseline = Baseline("bench", programme.digest, reference)  # type: ignore[arg-type]
         with pytest.MonkeyPatch.context() as patch:
             for room in (smad.checkup.check, smad.checkup.investigation):

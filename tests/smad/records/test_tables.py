@@ -301,7 +301,7 @@ def test_what_is_neither_a_table_nor_a_run_log_is_told_the_kinds_that_are_read(
 ) -> None:
     (tmp_path / "run.mat").write_bytes(b"MATLAB 5.0")
     with pytest.raises(LogImportError, match=r"run.mat is not a table; got .mat; allowed: .parq"):
-        read_columns(tmp_path / "run.mat")
+        read_columns(tmp_path / "run.mat", None)
     (tmp_path / "run.mcap").write_bytes(b"MATLAB 5.0")
     with pytest.raises(RunLogError, match="is not a run log"):
-        read_columns(tmp_path / "run.mcap")
+        read_columns(tmp_path / "run.mcap", None)

@@ -468,8 +468,11 @@ def test_a_channel_that_the_first_run_lacks_is_compared_in_the_others() -> None:
         loss = values["loss_W_K"] * (shown["temperature_degC"] - values["room_degC"])
         return {**shown, "cooling_W": loss}
 
-    declared = simulator(cooling, parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
-                         effects={"slow_sensor": (2.0, 0.0, 8.0)})  # fmt: skip
+    declared = simulator(
+        cooling,
+        parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+        effects={"slow_sensor": (2.0, 0.0, 8.0)},
+    )
     fuller = {**RUNS[1], "cooling_W": 0.74 * (RUNS[1]["temperature_degC"] - 22.0)}
     bound = bind(declared, [RUNS[0], fuller])
     assert [c.name for c in bound.plant.channels] == ["temperature_degC", "cooling_W"]
