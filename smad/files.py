@@ -109,9 +109,11 @@ def append_lines(path: Path, data: bytes, head: bytes = b"") -> None:
     `head` goes before the first line. A last line that was cut, by a full disk or a loss of power,
     is removed.
     """
-    whole = path.read_bytes().rfind(b"\n") + 1 if path.exists() else 0
+    before = path.read_bytes() if path.exists() else b""
+    whole = before.rfind(b"\n") + 1
     with path.open("ab") as file:
-        file.truncate(whole)
+        if whole < len(before):
+            file.truncate(whole)
         file.write(data if whole else head + data)
     _to_disk(path)
     if not whole:

@@ -213,6 +213,11 @@ class Motion(Struct, frozen=True, kw_only=True):
         dict[str, Motion] | UnsetType, Meta(description="of a bench of several axes: each by name")
     ] = UNSET
 
+    def in_words(self) -> str:
+        """Return what runs, and whether it has ended, or what ended it early."""
+        how = self.ended or ("stopped" if self.fault else "done")
+        return f"{self.running}, {how if self.done or self.fault else 'under way'}"
+
 
 def of_the_bench(motions: dict[str, Motion]) -> Motion:
     """Return what several axes do as one motion: done when all are, armed while one is."""
@@ -301,7 +306,7 @@ class Status(AxisStatus, frozen=True, kw_only=True):
             ("board", f"{motion.mode}, {'armed' if motion.armed else 'not armed'}"),
             ("fault", motion.fault.in_words() if motion.fault else ""),
             ("warnings", ", ".join(self.warnings)),
-            ("motion", f"{motion.running}, {'done' if motion.done else 'under way'}"),
+            ("motion", motion.in_words()),
             *readings,
             ("link", f"{self.link.state}, {self.link.rate_hz} Hz, {self.counts.missed} missed"),
             ("run log", recorder.path),

@@ -182,7 +182,7 @@ class BoardStop:
         self._look()
 
     def reported(self) -> None:
-        """The board reported a fault, of whatever axis: it is in FAULT."""
+        """The board reported a fault of this axis, which is in FAULT."""
         if not self._stopped:
             self._stopped = True
             self._fails_in(BoardState.FAULT)

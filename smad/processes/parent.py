@@ -18,17 +18,20 @@ def signal_at_parents_end(number: signal.Signals) -> None:
 
 
 def end_with(parent: int) -> None:
-    """Get SIGTERM when the thread of `parent` that started us ends, also when it is killed.
+    """Get SIGTERM when `parent` ends, also when it is killed; not when a thread of it does.
 
     Raises SystemExit when it has ended already.
     """
-    signal_at_parents_end(signal.SIGTERM)
     if os.getppid() != parent:
         raise SystemExit(1)
+    threading.Thread(target=_stop_orphan, args=(parent,), daemon=True).start()
 
 
 def end_group_with(parent: int) -> None:
-    """As `end_with`; our process group is killed when it has not ended ten seconds later."""
+    """Get SIGTERM when the thread of `parent` that started us ends, also when it is killed.
+
+    Our process group is killed when it has not ended ten seconds later.
+    """
     signal_at_parents_end(signal.SIGTERM)
     if os.getppid() != parent:
         os._exit(128 + signal.SIGTERM)
@@ -54,6 +57,11 @@ def begin_worker(parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_end_orphan, args=(parent,), daemon=True).start()
+
+
+def _stop_orphan(parent: int) -> None:
+    _wait_for_end(parent)
+    os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _end_orphan(parent: int) -> None:

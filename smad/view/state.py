@@ -113,18 +113,13 @@ class BenchState(Struct, frozen=True, kw_only=True):
     gains: Mapping[str, float | bool | str]
 
 
-def running_words(motion: api.Motion) -> str:
-    """Return what runs, and whether it has ended, or what ended it early."""
-    return f"{motion.running}, {motion.ended or 'done' if motion.done else 'under way'}"
-
-
 def bench_state(status: api.Status) -> BenchState:
     """Return what the page shows of `status`."""
     motion, age = status.motion, status.timing.setpoint_age
     return BenchState(
         mode=motion.mode,
         armed=motion.armed,
-        running=running_words(motion),
+        running=motion.in_words(),
         motion_number=motion.number,
         limiter=limiter_of(status),
         warnings=status.warnings,

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -43,6 +44,30 @@ def test_a_child_ends_with_a_parent_that_is_killed(number: signal.Signals) -> No
     # The pipe ends when the last of both has.
     assert parent.stdout.read() == ""
     parent.stdout.close()
+
+
+def test_a_child_does_not_end_with_the_thread_that_started_it() -> None:
+    children: list[subprocess.Popen[str]] = []
+    waiting = _CHILD.format(os.getpid()).replace("time.sleep(600)", "input()")
+
+    def begin() -> None:
+        child = subprocess.Popen(
+            [sys.executable, "-c", waiting],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        children.append(child)
+        assert child.stdout is not None
+        child.stdout.readline()
+
+    thread = threading.Thread(target=begin)
+    thread.start()
+    thread.join()
+    while Path(f"/proc/self/task/{thread.native_id}").exists():
+        pass
+    children[0].communicate("\n")
+    assert children[0].returncode == 0
 
 
 _POOL = """

@@ -69,3 +69,19 @@ def test_lines_are_added_to_a_file_without_its_cut_line_and_below_one_head(
         path.write_text(before)
     append_lines(path, b"1,2\n", head=b"n,s\n")
     assert path.read_text() == after
+
+
+def test_lines_stay_that_another_program_adds_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, read_bytes = tmp_path / "a.csv", Path.read_bytes
+    path.write_text("1\n")
+
+    def read_before_another_writes(self: Path) -> bytes:
+        data = read_bytes(self)
+        self.write_bytes(data + b"2\n")
+        return data
+
+    monkeypatch.setattr(Path, "read_bytes", read_before_another_writes)
+    append_lines(path, b"3\n")
+    assert path.read_text() == "1\n2\n3\n"

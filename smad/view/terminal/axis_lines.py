@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping
 
 from smad.api import AxisStatus, Motion, Percentiles
 from smad.counted import counted
-from smad.view.state import running_words
 
 OLD_AFTER_S = 1.0
 """What is older is not shown as if it were of now."""
@@ -25,7 +24,7 @@ def axis_lines(axes: Mapping[str, AxisStatus], skew: Percentiles) -> Iterator[st
         fault = f", {motion.fault.in_words()}" if motion.fault else ""
         missed = axis.counts.missed
         yield (
-            f"{name:<{width}} {state:<7} {readings}; {running_words(motion)}; "
+            f"{name:<{width}} {state:<7} {readings}; {motion.in_words()}; "
             f"{axis.link.rate_hz} Hz, {missed} missed{fault}"
         )
     if skew.count:

@@ -14,7 +14,7 @@ from smad.client.endpoints import candidate_folders, running_benches
 from smad.client.link_counts import LinkCounts
 from smad.counted import counted
 from smad.files import display_path
-from smad.view.state import LINK_MEANS, limiter_of, running_words
+from smad.view.state import LINK_MEANS, limiter_of
 from smad.view.terminal.axis_lines import aged, axis_lines, number
 from smad.view.terminal.tables import wrapped
 
@@ -67,9 +67,8 @@ def head(now: Status) -> Iterator[Line]:
         yield _line("", f"{explained.remedy}{then}")
     if now.warnings:
         yield _line("warnings", ", ".join(now.warnings), "warned")
-    done = f"{motion.running}, stopped" if motion.fault else running_words(motion)
     reference = "" if motion.reference_mm is None else f", reference {motion.reference_mm:.2f} mm"
-    yield _line("motion", f"{done}{reference}")
+    yield _line("motion", f"{motion.in_words()}{reference}")
     if limiter := limiter_of(now):
         yield _line("limited by", limiter)
     if now.control.holder:

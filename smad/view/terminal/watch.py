@@ -93,7 +93,8 @@ class Terminal:
     def key(self, timeout_s: float) -> str:
         """Return the next key, or nothing when none came in time, or the size changed."""
         key = self._next(round(timeout_s * 1000))
-        if key != ESCAPE or self._next(ESCAPE_MS) in ("", ESCAPE):
+        # Any other key that follows, as the space bar of somebody in a hurry, takes no stop back.
+        if key != ESCAPE or self._next(ESCAPE_MS) not in ("[", "O"):
             return key
         # An arrow or function key that curses does not know in this terminal.
         while self._next(0):

@@ -26,6 +26,7 @@ from smad.client.following import follow
 from smad.config import Config
 from smad.processes.boards import build
 from smad.runlog.schema import Row
+from smad.view.state import bench_state
 from smad.view.terminal.progress import Progress
 from smad.view.terminal.status_lines import lines, motion_words
 from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
@@ -252,8 +253,20 @@ def test_nothing_clears_an_estop_and_status_and_explanation_do_not_say_so(
 
 def test_a_motion_that_was_ended_early_is_not_called_done() -> None:
     ended = msgspec.structs.replace(MOTION, armed=False, ended="stopped by disarm of a client")
-    text = "\n".join(line.text for line in lines(msgspec.structs.replace(STATUS, motion=ended)))
-    assert "idle, stopped by disarm of a client" in text
+    now = msgspec.structs.replace(STATUS, motion=ended)
+    for text in ("\n".join(line.text for line in lines(now)), now._repr_html_()):
+        assert "idle, stopped by disarm of a client" in text
+
+
+@pytest.mark.parametrize(
+    ("ended", "told"), [("", "stopped"), ("stopped by the board", "stopped by the board")]
+)
+def test_a_motion_that_a_fault_ended_is_not_called_under_way(ended: str, told: str) -> None:
+    fault = api.Fault(number=6, name="OVER_TEMPERATURE")
+    motion = msgspec.structs.replace(MOTION, armed=False, done=False, fault=fault, ended=ended)
+    now = msgspec.structs.replace(STATUS, motion=motion)
+    assert bench_state(now).running == f"idle, {told}"
+    assert f"idle, {told}" in now._repr_html_()
 
 
 @pytest.mark.parametrize(("age_s", "shown"), [(0.02, ""), (6.2, " (6 s old)")])

@@ -161,8 +161,14 @@ class Window:
 
 @pytest.mark.parametrize(
     ("sent", "keys"),
-    [("\x1b", ["\x1b"]), ("\x1b\x1b", ["\x1b"]), ("\x1b[1;5A", [""]), ("q", ["q"])],
-    ids=["escape", "escape twice", "ctrl and an arrow", "a letter"],
+    [
+        ("\x1b", ["\x1b"]),
+        ("\x1b\x1b", ["\x1b"]),
+        ("\x1b ", ["\x1b"]),
+        ("\x1b[1;5A", [""]),
+        ("q", ["q"]),
+    ],
+    ids=["escape", "escape twice", "escape and space", "ctrl and an arrow", "a letter"],
 )
 def test_escape_is_the_key_and_not_the_beginning_of_another(sent: str, keys: list[str]) -> None:
     terminal = screen_terminal(Window(sent))
