@@ -378,7 +378,9 @@ def _models(
     question: Question, precision: Precision, stages: Sequence[Rival], note: str
 ) -> list[str]:
     """Model files as text: with fitted parameters, with each cause; none without `SavesModel`."""
-    writer = unwrapped(question.model.plant)
+    plant = question.model.plant
+    # The places of a simulator write its model themselves.
+    writer = plant if isinstance(plant, SavesModel) else unwrapped(plant)
     if not isinstance(writer, SavesModel):
         return []
     out = []
