@@ -14,6 +14,7 @@ from unittest.mock import ANY
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from smad.diagnosis.data.admission import admit
 from smad.diagnosis.plant import Array, ModelPoint
@@ -496,6 +497,18 @@ def test_a_run_that_begins_in_another_state_than_the_model_is_asked_about() -> N
     verdict = diagnose(risen(10.0, 30.0), declared_heater()).verdict
     (said,) = (line for line in lines(verdict) if "begins at" in line)
     assert re.match(r"run 4: temperature_degC begins at 6[12].* °C, in the model at 22, and", said)
+
+
+def test_a_model_without_a_state_is_not_asked_to_begin_in_another() -> None:
+    def at_once(t, inputs, values, start):
+        return {"temperature_degC": values["gain"] * inputs["power_W"]}
+
+    t_s = np.arange(600) * 0.1
+    power = np.repeat([30.0, 0.0, 15.0, 45.0, 20.0, 20.0], 100)
+    shown = lfilter([0.1], [1.0, -0.9], 2.0 * power)
+    run = {"t_s": t_s, "power_W": power, "temperature_degC": np.round(shown, 2)}
+    bound = bind(simulator(at_once, parameters={"gain": (2.0, 1.0, 3.0)}, effects={}), [run])
+    assert other_starts(bound.plant.plain, bound.groups[0]) == []
 
 
 def test_models_that_explode_are_dropped_and_said() -> None:
