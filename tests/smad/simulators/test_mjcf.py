@@ -133,6 +133,7 @@ def test_the_unit_of_a_channel_is_in_its_name_or_is_said_to_be_assumed(
         ("q_deg", 1, '[channels.q_deg]\njoint = "hinge"\nunit = "rad"'),
         ("q_deg", -1, '[channels.q_rad]\njoint = "hinge"\ncolumn = "q_deg"\nscale = -1'),
         ("q_deg", 1, '[channels.q_deg]\nsensor = "encoder"'),
+        ("q_deg", 1, '[channels.q_deg]\nsensor = "encoder"\nscale = 57.295779513'),
         ("q_deg", 1, '[channels.q_rad]\nsensor = "encoder"\ncolumn = "q_deg"'),
     ],
 )
