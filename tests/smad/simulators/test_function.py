@@ -472,8 +472,10 @@ def test_a_channel_that_the_first_run_lacks_is_compared_in_the_others() -> None:
     declared = simulator(cooling, parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
                          effects={"slow_sensor": (2.0, 0.0, 8.0)})  # fmt: skip
     fuller = {**RUNS[1], "cooling_W": 0.74 * (RUNS[1]["temperature_degC"] - 22.0)}
-    bound = bind(declared, [RUNS[0], fuller])
-    assert [c.name for c in bound.plant.channels] == ["temperature_degC", "cooling_W"]
+    other = {**RUNS[0], "humidity_pct": RUNS[0]["t_s"], "door": RUNS[0]["t_s"]}
+    for runs in ([RUNS[0], fuller], [fuller, other]):
+        bound = bind(declared, runs)
+        assert [c.name for c in bound.plant.channels] == ["temperature_degC", "cooling_W"]
 
     def begun(t, inputs, values, start):
         assert np.isfinite(start["cooling_W_rate"])
