@@ -136,7 +136,7 @@ def other_starts(plant: SimulatedPlant, runs: Sequence[GapRun]) -> list[Finding]
     for run, model in zip(
         used, _replayed(plant, nominal_point(plant), used, plant.window_s), strict=True
     ):
-        late = _late(run, plant.window_s)
+        late = _late(run, plant.window_s if plant.window_s < run.duration_s else 0.0)
         for c in (c for c in plant.channels if c.name in run.outputs):
             y, shown = run.outputs[c.name], model[c.name]
             begins, begun = float(np.median(y[:_FIRST])), float(np.median(shown[:_FIRST]))

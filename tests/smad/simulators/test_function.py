@@ -496,6 +496,9 @@ def test_a_run_that_begins_in_another_state_than_the_model_is_asked_about() -> N
     for same in (RUNS, risen(10.0, np.inf)):
         bound = bind(declared_heater(), same)
         assert other_starts(bound.plant.plain, bound.groups[0]) == []
+    bound = bind(declared_heater(), risen(10.0, 30.0))
+    bound.plant.plain.window_s = 100.0
+    assert len(other_starts(bound.plant.plain, bound.groups[0])) == 1
     verdict = diagnose(risen(10.0, 30.0), declared_heater()).verdict
     (said,) = (line for line in lines(verdict) if "begins at" in line)
     assert re.match(r"run 4: temperature_degC begins at 6[12].* °C, in the model at 22, and", said)
