@@ -130,14 +130,15 @@ def forgets_its_start(plant: SimulatedPlant, run: GapRun) -> bool:
 def other_starts(plant: SimulatedPlant, runs: Sequence[GapRun]) -> list[Finding]:
     """What is asked of each channel that the model, as configured, begins far from what was read
     and comes near only later, as it does from another state."""
-    used = [_usable(plant, run) for run in runs[:_MOST_RUNS] if len(run.t_s) > 1]
-    used = [run for run in used if len(run.t_s) > 4 * _FIRST]
+    used = [(run, _usable(plant, run)) for run in runs[:_MOST_RUNS] if len(run.t_s) > 1]
+    used = [(read, run) for read, run in used if len(run.t_s) > 4 * _FIRST]
+    models = _replayed(plant, nominal_point(plant), [run for _, run in used], plant.window_s)
     found: dict[str, tuple[float, Finding]] = {}
-    for run, model in zip(
-        used, _replayed(plant, nominal_point(plant), used, plant.window_s), strict=True
-    ):
+    for (read, run), model in zip(used, models, strict=True):
         late = _late(run, plant.window_s if plant.window_s < run.duration_s else 0.0)
         for c in (c for c in plant.channels if c.name in run.outputs):
+            if not np.isfinite(read.outputs[c.name][:_FIRST]).all():
+                continue
             y, shown = run.outputs[c.name], model[c.name]
             begins, begun = float(np.median(y[:_FIRST])), float(np.median(shown[:_FIRST]))
             off, left = abs(begins - begun), float(np.sqrt(np.mean((y - shown)[late] ** 2)))

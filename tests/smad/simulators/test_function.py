@@ -493,7 +493,9 @@ def test_a_run_that_begins_in_another_state_than_the_model_is_asked_about() -> N
             for r, m in zip(RUNS, more, strict=True)
         ]
 
-    for same in (RUNS, risen(10.0, np.inf)):
+    late = RUNS[0]["temperature_degC"].copy()
+    late[:150] = np.nan
+    for same in (RUNS, risen(10.0, np.inf), [{**RUNS[0], "temperature_degC": late}]):
         bound = bind(declared_heater(), same)
         assert other_starts(bound.plant.plain, bound.groups[0]) == []
     bound = bind(declared_heater(), risen(10.0, 30.0))
