@@ -333,8 +333,11 @@ def test_a_column_is_converted_to_the_unit_that_a_variable_or_its_type_has(
     text = MAP.replace('"W"\nlow = 0.0', '"N m"\ncolumn = "Torque [mNm]"\nscale = -1\nlow = 0.0')
     table = run_file(tmp_path / "bench.csv", 1)
     table.write_text(table.read_text().replace("power_W", "Torque [mNm]"))
-    with pytest.raises(FmiError, match=r"temperature is in another unit in kelvin.fmu; got degC; "
-                       "allowed: K; use that unit: a column whose name"):  # fmt: skip
+    with pytest.raises(
+        FmiError,
+        match=r"temperature is in another unit in kelvin.fmu; got degC; "
+        "allowed: K; use that unit: a column whose name",
+    ):
         bound_unit(kelvin, tmp_path, text, table)
     text = text.replace('unit = "degC"\nlow = -20.0', 'unit = "K"\nlow = 250.0')
     text = text.replace("high = 150.0", "high = 420.0")

@@ -469,8 +469,11 @@ def test_a_channel_that_the_first_run_lacks_is_compared_in_the_others() -> None:
         loss = values["loss_W_K"] * (shown["temperature_degC"] - values["room_degC"])
         return {**shown, "cooling_W": loss}
 
-    declared = simulator(cooling, parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
-                         effects={"slow_sensor": (2.0, 0.0, 8.0)})  # fmt: skip
+    declared = simulator(
+        cooling,
+        parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+        effects={"slow_sensor": (2.0, 0.0, 8.0)},
+    )
     fuller = {**RUNS[1], "cooling_W": 0.74 * (RUNS[1]["temperature_degC"] - 22.0)}
     other = {**RUNS[0], "humidity_pct": RUNS[0]["t_s"], "door": RUNS[0]["t_s"]}
     for runs in ([RUNS[0], fuller], [fuller, other]):
