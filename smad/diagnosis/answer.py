@@ -379,6 +379,7 @@ def _models(
 ) -> list[str]:
     """Model files as text: with fitted parameters, with each cause; none without `SavesModel`."""
     plant = question.model.plant
+    # The places of a simulator write its model themselves.
     writer = plant if isinstance(plant, SavesModel) else unwrapped(plant)
     if not isinstance(writer, SavesModel):
         return []

@@ -233,10 +233,11 @@ def _require(unit: UnitFile, key: str, variable: str, roles: tuple[str, ...]) ->
 
 def _require_unit(unit: UnitFile, key: str, row: Any) -> None:
     about = unit.variables[row.variable]
-    # A declared type has the unit of its variables.
+    # A declared type has the unit of its variables; FMI multiplies units by a point, "N.m".
     has = spelt(about.unit or getattr(about.declaredType, "unit", None) or "")
     converted = isinstance(row, ColumnRow) and not row.plain
-    same = has == spelt(row.unit) or known(has) == known(spelt(row.unit)) is not None
+    given, of_unit = spelt(row.unit), known(has.replace(".", " "))
+    same = has == given or (of_unit is not None and of_unit == known(given.replace(".", " ")))
     if converted or isinstance(row, TermRow) or has in {"", "1"} or same:
         return
     of_column = ": a column whose name ends with another is converted; or give scale and offset"

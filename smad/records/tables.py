@@ -213,7 +213,7 @@ class Columns:
     stamps: tuple[str, ...] = ()
 
 
-def read_columns(path: Path, form: CsvFormat | None) -> Columns:
+def read_columns(path: Path, form: CsvFormat | None = None) -> Columns:
     """The columns of any file of one run.
 
     Raises LogImportError and RunLogError for a file that cannot be read.

@@ -1,7 +1,7 @@
 """A declared simulator and the runs it is asked about: what the records say of its signals."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -73,9 +73,8 @@ def bind(
         raise SimulatorError("there are no runs", action="give at least one")
     for table in every:
         require_time(table)
-    # A channel that other runs lack is one as well.
     fullest = max(every, key=lambda t: len(t.columns))
-    by_role = roles(declared, fullest)
+    by_role = _with_channels_of(every, roles(declared, fullest))
     inputs, outputs = by_role.inputs, by_role.outputs
     # From here on every column has the unit that the function asked for.
     names = [*inputs, *outputs, *declared.observed]
@@ -105,6 +104,17 @@ def bind(
     places = SimulatorPlaces(plant)
     defaults += _blurred(places, [r for group in runs for r in group], outputs)
     return Bound(plant=places, groups=tuple(runs), said=tuple(defaults), seconds=by_role.seconds)
+
+
+def _with_channels_of(tables: Sequence[Table], of: Roles) -> Roles:
+    """The roles in one run, with the channels that only others have."""
+    names = {*of.outputs, *of.unmeasured}
+    sources = {n: {t.source_of(n) for t in tables} - {""} - (names - {n}) for n in of.unmeasured}
+    return replace(
+        of,
+        outputs=[*of.outputs, *(n for n, s in sources.items() if s)],
+        unmeasured=[n for n, s in sources.items() if not s],
+    )
 
 
 def _require_start(declared: Simulator, table: Table, begun: Sequence[str]) -> None:

@@ -86,7 +86,7 @@ def declare_mjcf(
     every = [t for group in tables for t in group]
     names = (*mapped.inputs, *mapped.channels)
     columns = {n: [t.columns[n] for t in every if n in t.columns] for n in names}
-    spans = {n: span_of(c) for n, c in columns.items() if c}
+    spans = {n: span_of(c) for n, c in columns.items() if c or n in mapped.inputs}
     return _declared(replay, mapped, model.stem, spans), tables
 
 

@@ -208,8 +208,9 @@ class MujocoModel:
         if not self.unit(name, row):
             self.assumed_units[name] = target
         unit = self.unit(name, row)
-        # A volt of a potentiometer: its scale and offset are of the model's unit.
-        scaled = not row.plain and not convertible(spelt(unit), target)
+        # Scale and offset of a sensor, or to a volt of a potentiometer, are of the model's unit.
+        sensed = isinstance(row, ChannelRow) and row.sensor
+        scaled = not row.plain and (sensed or not convertible(spelt(unit), target))
         return 1.0 if scaled else in_si(unit, target, key)
 
     def nominal(self, name: str) -> float:

@@ -308,14 +308,18 @@ def torn_description(name: str, content: bytes) -> bytes:
 
 
 def with_units(reading: str) -> Callable[[str, bytes], bytes]:
-    """The unit with `reading` as the attributes of its temperature, and a torque as its input."""
-    types = """<UnitDefinitions><Unit name="K"/><Unit name="N.m"/></UnitDefinitions>
+    """The unit with `reading` as the attributes of its temperature, and other units, as FMI
+    writes them, of its input and its loss."""
+    types = """<UnitDefinitions><Unit name="K"/><Unit name="N.m"/><Unit name="W.m/(m.K)"/>
+        </UnitDefinitions>
         <TypeDefinitions><SimpleType name="Kelvin"><Real unit="K"/></SimpleType></TypeDefinitions>
         <LogCategories>"""
 
     def change(_: str, content: bytes) -> bytes:
         content = content.replace(b"<LogCategories>", types.encode(), 1)
-        content = content.replace(b'<Real start="0"/>', b'<Real start="0" unit="N.m"/>', 1)
+        for start, is_in in (("0", "N.m"), ("0.8", "W.m/(m.K)")):
+            real = f'<Real start="{start}"'
+            content = content.replace(f"{real}/>".encode(), f'{real} unit="{is_in}"/>'.encode(), 1)
         return content.replace(b"<Real/>", f"<Real {reading}/>".encode(), 1)
 
     return change

@@ -14,6 +14,7 @@ from unittest.mock import ANY
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from smad.diagnosis.data.admission import admit
 from smad.diagnosis.plant import Array, ModelPoint
@@ -474,8 +475,10 @@ def test_a_channel_that_the_first_run_lacks_is_compared_in_the_others() -> None:
         effects={"slow_sensor": (2.0, 0.0, 8.0)},
     )
     fuller = {**RUNS[1], "cooling_W": 0.74 * (RUNS[1]["temperature_degC"] - 22.0)}
-    bound = bind(declared, [RUNS[0], fuller])
-    assert [c.name for c in bound.plant.channels] == ["temperature_degC", "cooling_W"]
+    other = {**RUNS[0], "humidity_pct": RUNS[0]["t_s"], "door": RUNS[0]["t_s"]}
+    for runs in ([RUNS[0], fuller], [fuller, other]):
+        bound = bind(declared, runs)
+        assert [c.name for c in bound.plant.channels] == ["temperature_degC", "cooling_W"]
 
     def begun(t, inputs, values, start):
         assert np.isfinite(start["cooling_W_rate"])
@@ -493,12 +496,29 @@ def test_a_run_that_begins_in_another_state_than_the_model_is_asked_about() -> N
             for r, m in zip(RUNS, more, strict=True)
         ]
 
-    for same in (RUNS, risen(10.0, np.inf)):
+    late = RUNS[0]["temperature_degC"].copy()
+    late[:150] = np.nan
+    for same in (RUNS, risen(10.0, np.inf), [{**RUNS[0], "temperature_degC": late}]):
         bound = bind(declared_heater(), same)
         assert other_starts(bound.plant.plain, bound.groups[0]) == []
+    bound = bind(declared_heater(), risen(10.0, 30.0))
+    bound.plant.plain.window_s = 100.0
+    assert len(other_starts(bound.plant.plain, bound.groups[0])) == 1
     verdict = diagnose(risen(10.0, 30.0), declared_heater()).verdict
     (said,) = (line for line in lines(verdict) if "begins at" in line)
     assert re.match(r"run 4: temperature_degC begins at 6[12].* °C, in the model at 22, and", said)
+
+
+def test_a_model_without_a_state_is_not_asked_to_begin_in_another() -> None:
+    def at_once(t, inputs, values, start):
+        return {"temperature_degC": values["gain"] * inputs["power_W"]}
+
+    t_s = np.arange(600) * 0.1
+    power = np.repeat([30.0, 0.0, 15.0, 45.0, 20.0, 20.0], 100)
+    shown = lfilter([0.1], [1.0, -0.9], 2.0 * power)
+    run = {"t_s": t_s, "power_W": power, "temperature_degC": np.round(shown, 2)}
+    bound = bind(simulator(at_once, parameters={"gain": (2.0, 1.0, 3.0)}, effects={}), [run])
+    assert other_starts(bound.plant.plain, bound.groups[0]) == []
 
 
 def test_models_that_explode_are_dropped_and_said() -> None:

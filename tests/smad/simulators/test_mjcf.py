@@ -105,6 +105,8 @@ def test_a_run_without_an_input_or_any_channel_is_refused_by_the_name_in_the_map
     named = {"other": run[lacking], **{n: c for n, c in run.items() if n != lacking}}
     with pytest.raises(SimulatorError, match=f"run 1 has no column '{lacking}', which the map"):
         diagnose_mjcf(*files(tmp_path), [named])
+    with pytest.raises(SimulatorError, match="there are no runs; give at least one"):
+        diagnose_mjcf(*files(tmp_path), [])
 
 
 @pytest.mark.parametrize(
@@ -133,6 +135,7 @@ def test_the_unit_of_a_channel_is_in_its_name_or_is_said_to_be_assumed(
         ("q_deg", 1, '[channels.q_deg]\njoint = "hinge"\nunit = "rad"'),
         ("q_deg", -1, '[channels.q_rad]\njoint = "hinge"\ncolumn = "q_deg"\nscale = -1'),
         ("q_deg", 1, '[channels.q_deg]\nsensor = "encoder"'),
+        ("q_deg", 1, '[channels.q_deg]\nsensor = "encoder"\nscale = 57.295779513'),
         ("q_deg", 1, '[channels.q_rad]\nsensor = "encoder"\ncolumn = "q_deg"'),
     ],
 )
