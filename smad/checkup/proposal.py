@@ -67,7 +67,7 @@ def propose(judgement: Judgement, costs_s: Mapping[str, float], left_s: float) -
     if not verdict.causes:
         finding = {
             QUIET: "nothing has changed beyond the repeat floor",
-            PARAMETERS: "other values of the parameters explain it",
+            PARAMETERS: "other values of the parameters explain it, or an effect that they imitate",
         }.get(verdict.outcome, "no cause was found")
         new = [r.name for r in _not_played(pairs)]
         if run := next((name for name in new if costs_s[name] <= left_s), None):
@@ -75,7 +75,9 @@ def propose(judgement: Judgement, costs_s: Mapping[str, float], left_s: float) -
         if new:
             unplayed = ", ".join(new)
             return Proposal(None, f"the time is spent: so far {finding}; not played: {unplayed}")
-        return Proposal(None, f"settled: {finding}")
+        settled = verdict.outcome == QUIET
+        over = "settled" if settled else "every run of the baseline was played"
+        return Proposal(None, f"{over}: {finding}")
     staying = judgement.alternatives
     names = tuple(rival_words(pairs.plant, r) for r in staying)
     if len(staying) < 2:

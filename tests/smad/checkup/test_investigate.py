@@ -154,6 +154,25 @@ def test_nothing_is_settled_without_a_cause_before_every_run_was_played(
     assert late.why.endswith("; not played: short")
 
 
+@pytest.mark.parametrize(
+    ("outcome", "why"),
+    [
+        ("quiet", "settled: nothing has changed beyond the repeat floor"),
+        ("parameters", "every run of the baseline was played: other values of the parameters "
+         "explain it, or an effect that they imitate"),
+        ("unexplained", "every run of the baseline was played: no cause was found"),
+    ],
+)  # fmt: skip
+def test_without_a_cause_only_a_bench_that_has_not_changed_is_settled(
+    lagging: Judgement, outcome: str, why: str
+) -> None:
+    nowhere = msgspec.structs.replace(lagging.verdict, outcome=outcome, causes=[])
+    played = [pair.then for pair in lagging.pairs.pairs]
+    pairs = replace(lagging.pairs, good=replace(lagging.pairs.good, runs=tuple(played)))
+    found = propose(replace(lagging, verdict=nowhere, pairs=pairs), COSTS, 600.0)
+    assert (found.run, found.why) == (None, why)
+
+
 def test_one_rival_that_no_other_is_near_is_settled(lagging: Judgement) -> None:
     found = propose(undecided(lagging, LAG_LIKE), COSTS, 600.0)
     assert found.run is None
