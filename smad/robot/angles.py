@@ -38,15 +38,26 @@ def step(to_deg: Pair, *, duration_s: float, from_deg: Pair = (0.0, 0.0)) -> Ang
     return Angles(t_s, *(np.array([a, b, b]) for a, b in zip(from_deg, to_deg, strict=True)))
 
 
-def circle(radius_deg: float, *, period_s: float, cycles: int = 1) -> Angles:
+def sine(
+    amplitude_deg: Pair, *, period_s: float, cycles: int, from_deg: Pair = (0.0, 0.0)
+) -> Angles:
+    """A sinusoid of both joints about where the segment stands, going up."""
+    t_s = _times(period_s * cycles)
+    wave = np.sin(2.0 * np.pi * t_s / period_s)
+    return Angles(t_s, *(m + a * wave for m, a in zip(from_deg, amplitude_deg, strict=True)))
+
+
+def circle(
+    radius_deg: float, *, period_s: float, cycles: int = 1, approach_s: float | None = None
+) -> Angles:
     """A circle of the tip about the straight segment, from there and back there.
 
     Both joints turn by sinusoids of the radius, a quarter of a period apart. The radius grows and
-    shrinks smoothly in a fifth of the period, with the phase standing still.
+    shrinks smoothly in `approach_s` (a fifth of the period), with the phase standing still.
     """
-    approach_s, turn_s = period_s / 5.0, period_s * cycles
-    duration_s = turn_s + 2.0 * approach_s
-    t_s = np.linspace(0.0, duration_s, max(2, round(duration_s * POINTS_A_S) + 1))
+    approach_s = period_s / 5.0 if approach_s is None else approach_s
+    turn_s = period_s * cycles
+    t_s = _times(turn_s + 2.0 * approach_s)
     phase = 2.0 * np.pi * np.clip((t_s - approach_s) / period_s, 0.0, cycles)
     share = np.minimum(t_s, t_s[-1] - t_s) / approach_s
     radius = radius_deg * 0.5 * (1.0 - np.cos(np.pi * np.clip(share, 0.0, 1.0)))
@@ -60,3 +71,7 @@ def waypoints(path: str | Path) -> Angles:
     """
     columns = read_points(Path(path), [(name,) for name in COLUMNS])
     return Angles(*(np.array(columns[name]) for name in (TIME, *COLUMNS)))
+
+
+def _times(duration_s: float) -> Array:
+    return np.linspace(0.0, duration_s, max(2, round(duration_s * POINTS_A_S) + 1))

@@ -22,6 +22,7 @@ from smad.control.commands import Samples
 from smad.errors import CommandError, ConfigError
 from smad.robot.angles import Angles
 
+Segment = SegmentConfig
 JOINTS = ("pitch", "yaw")
 
 
@@ -29,7 +30,7 @@ JOINTS = ("pitch", "yaw")
 class Robot:
     """Segments by name, all axes in order, and the coupling, shape (n, n), of their tendons."""
 
-    segments: Mapping[str, SegmentConfig]
+    segments: Mapping[str, Segment]
     axes: tuple[str, ...]
     coupling: Array
 
@@ -126,10 +127,10 @@ class Robot:
                 )
 
 
-def _usual(axes: tuple[str, ...]) -> list[SegmentConfig]:
+def _usual(axes: tuple[str, ...]) -> list[Segment]:
     numbers = [axis.removeprefix("pitch-") for axis in axes if axis.startswith("pitch-")]
     return [
-        SegmentConfig(name=f"segment-{number}", pitch=f"pitch-{number}", yaw=f"yaw-{number}")
+        Segment(name=f"segment-{number}", pitch=f"pitch-{number}", yaw=f"yaw-{number}")
         for number in numbers
         if f"yaw-{number}" in axes
     ]
