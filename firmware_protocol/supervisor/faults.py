@@ -17,6 +17,8 @@ class FaultText:
     """Whether the pumps may run in FAULT while this fault stands."""
     cause: str
     remedy: str
+    clears: bool = True
+    """Whether CLEAR_FAULT ends it, and not a power cycle alone."""
 
 
 FAULT_TEXTS: dict[Fault, FaultText] = {
@@ -203,6 +205,7 @@ FAULT_TEXTS: dict[Fault, FaultText] = {
         False,
         "Somebody asked for the emergency stop.",
         "When it is safe again, power-cycle the board.",
+        clears=False,
     ),
     Fault.OVER_CURRENT: FaultText(
         "mA",

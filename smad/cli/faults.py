@@ -45,7 +45,7 @@ def explain(fault: Fault | None = fault_argument, bench: str = bench_option) -> 
         fault = Fault(latched.number)
     text = FAULT_TEXTS[fault]
     click.echo(f"{fault.name} ({int(fault)})\n  cause:  {text.cause}\n  remedy: {text.remedy}")
-    if fault is not Fault.ESTOP_PRESSED:
+    if text.clears:
         click.echo("  then:   smad clear, once the springs are cold; arming again is up to you")
 
 

@@ -59,11 +59,9 @@ def head(now: Status) -> Iterator[Line]:
     yield _line("bench", f"{state}, {connection}", "warned" if motion.armed else "good")
     if motion.fault is not None:
         yield _line("fault", f"{motion.fault.in_words()} (by the {motion.fault.by})", "bad")
-        fault = Fault(motion.fault.number)
-        explained = FAULT_TEXTS[fault]
+        explained = FAULT_TEXTS[Fault(motion.fault.number)]
         yield _line("", explained.cause)
-        # After the power cycle that ESTOP asks for nothing is latched.
-        then = "" if fault is Fault.ESTOP_PRESSED else " Then smad clear."
+        then = " Then smad clear." if explained.clears else ""
         yield _line("", f"{explained.remedy}{then}")
     if now.warnings:
         yield _line("warnings", ", ".join(now.warnings), "warned")
