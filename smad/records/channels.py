@@ -13,7 +13,7 @@ from smad.config.toml_file import read_toml
 from smad.errors import LogImportError
 from smad.records.column_names import Assignment, ColumnRule, assign, is_time
 from smad.records.csv_table import CsvFormat
-from smad.records.tables import ROUNDED, ForeignTable, open_table
+from smad.records.tables import ForeignTable, is_rounded, open_table
 from smad.records.units import Written, convert
 from smad.runlog.bounds import Together
 from smad.runlog.schema import CHANNELS
@@ -188,6 +188,6 @@ def _check_time(table: ForeignTable, assignment: Assignment, columns: Mapping[st
             f"{table.path}, {table.place_of(row)}: time does not increase",
             value=f"{t_s[row]:.9g} s after {t_s[row - 1]:.9g} s",
             action="write it with more digits"
-            if np.mean(np.diff(t_s) == 0.0) > ROUNDED
+            if is_rounded(t_s)
             else "sort the rows, and remove repeated ones",
         )

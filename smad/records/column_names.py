@@ -14,6 +14,7 @@ import msgspec
 
 from firmware_protocol.nearest import instead
 from smad.errors import LogImportError
+from smad.records.units import converts
 from smad.runlog.schema import CHANNELS
 from smad.units import BRACKETED, alternatives, known, parted_name, spelt, unit_of, units_for
 
@@ -180,9 +181,8 @@ def _checked(name: str, rule: ColumnRule) -> ColumnRule:
             action=f"correct the mapping file: {instead(rule.channel, CHANNELS, _ALL)}",
         )
     named = parted(name)[1]
-    # With a factor, other than a sign, the rule converts itself.
-    plain = (abs(rule.scale), rule.offset) == (1.0, 0.0)
-    taken = named if plain and named in units_for(channel.unit) else channel.unit
+    by_name = not converts(rule.scale, rule.offset) and named in units_for(channel.unit)
+    taken = named if by_name else channel.unit
     unit = spelt(rule.column_unit) or taken
     if unit not in units_for(channel.unit):
         raise LogImportError(

@@ -33,7 +33,7 @@ def left_out(names: Sequence[str], why: str = "") -> tuple[str, ...]:
     return (f"columns left out{why}: {listed(named, _MOST_NAMED)}",)
 
 
-ROUNDED = 0.2
+_ROUNDED = 0.2
 """Of the steps of a time, that are 0 where it was written with too few digits."""
 _MOST_DIGITS_BYTES = 64
 _MOST_TEXT_BYTES = 1_000_000
@@ -249,20 +249,24 @@ def read_columns(path: Path, form: CsvFormat | None = None) -> Columns:
     return Columns(table.names, numbers, unread, table.notes, stamps)
 
 
+def is_rounded(t_s: Array) -> bool:
+    """Whether times, shape (n,), stand still so often that they lack digits."""
+    return bool(np.mean(np.diff(t_s) == 0.0) > _ROUNDED)
+
+
 def require_rising(t_s: Array, where: str, error: type[SmadError]) -> None:
     """Raise the error for times, shape (n,), that are not known, or do not increase."""
     back = np.flatnonzero(~(np.diff(t_s) > 0))
     if back.size or not np.isfinite(t_s).all():
         row = int(back[0]) + 1 if back.size else 0
         again = row > 1 and t_s[row] <= t_s[0]
-        rounded = np.mean(np.diff(t_s) == 0.0) > ROUNDED
         raise error(
             f"{where} {'begins again' if again else 'does not increase'} at row {row + 1}",
             value=float(t_s[row]),
             action="split it there: each run is a table of its own"
             if again
             else "write it with more digits"
-            if rounded
+            if is_rounded(t_s)
             else "sort the rows, remove repeated ones, or leave the run out",
         )
 

@@ -37,6 +37,11 @@ class Written:
         return numbers * self.scale + self.offset
 
 
+def converts(scale: float, offset: float) -> bool:
+    """Whether a scale and an offset are those of a unit: a sign alone is not."""
+    return (abs(scale), offset) != (1.0, 0.0)
+
+
 def convert(values: Array, unit: str, to: str) -> Array:
     """`values`, shape (n,), from `unit` to `to`. Raises LogImportError when these do not fit."""
     if unit == to:

@@ -15,7 +15,7 @@ from smad.records.column_names import unit_in
 from smad.records.csv_table import CsvFormat
 from smad.records.readings import on_lines
 from smad.records.tables import left_out
-from smad.records.units import Written
+from smad.records.units import Written, converts
 from smad.simulators.columns import Table, tables_of
 from smad.simulators.declare import PRIOR_OF_RANGE
 from smad.simulators.errors import SimulatorError
@@ -43,8 +43,8 @@ class ColumnRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     @property
     def plain(self) -> bool:
-        """Whether the row converts no unit: a sign alone does not."""
-        return (abs(self.scale), self.offset) == (1.0, 0.0)
+        """Whether the row converts no unit by its scale and offset."""
+        return not converts(self.scale, self.offset)
 
     def written(self, name: str) -> Written:
         """How the column `name` stands in its file: in `column_unit`, or as its name there ends.
