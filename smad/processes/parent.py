@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 _PR_SET_PDEATHSIG = 1
 _ORPHAN_S = 10.0
@@ -24,7 +24,7 @@ def end_with(parent: int) -> None:
     """
     if os.getppid() != parent:
         raise SystemExit(1)
-    threading.Thread(target=_stop_orphan, args=(parent,), daemon=True).start()
+    _once_ended(parent, lambda: os.kill(os.getpid(), signal.SIGTERM))
 
 
 def end_group_with(parent: int) -> None:
@@ -35,7 +35,7 @@ def end_group_with(parent: int) -> None:
     signal_at_parents_end(signal.SIGTERM)
     if os.getppid() != parent:
         os._exit(128 + signal.SIGTERM)
-    threading.Thread(target=_kill_orphan, args=(parent,), daemon=True).start()
+    _once_ended(parent, _kill_group)
 
 
 @contextlib.contextmanager
@@ -56,25 +56,21 @@ def begin_worker(parent: int) -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    threading.Thread(target=_end_orphan, args=(parent,), daemon=True).start()
+    _once_ended(parent, lambda: os._exit(128 + signal.SIGTERM))
 
 
-def _stop_orphan(parent: int) -> None:
-    _wait_for_end(parent)
-    os.kill(os.getpid(), signal.SIGTERM)
-
-
-def _end_orphan(parent: int) -> None:
-    _wait_for_end(parent)
-    os._exit(128 + signal.SIGTERM)
-
-
-def _kill_orphan(parent: int) -> None:
-    _wait_for_end(parent)
+def _kill_group() -> None:
     time.sleep(_ORPHAN_S)
     os.killpg(0, signal.SIGKILL)
 
 
-def _wait_for_end(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(0.5)
+def _once_ended(parent: int, act: Callable[[], None]) -> None:
+    """Act once `parent` has ended, from a thread: which of its threads started us does not
+    matter."""
+
+    def wait() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        act()
+
+    threading.Thread(target=wait, daemon=True).start()
