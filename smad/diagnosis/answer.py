@@ -225,7 +225,9 @@ def _table(
     plant = question.model.plant
 
     def order(r: Rival) -> tuple[float, float]:
-        return -r.probability * (round(r.probability, 2) > 0.0), question.gap(r)
+        """The likeliest first; those whose probability prints as 0.00, by their gap."""
+        printed_as_zero = round(r.probability, 2) == 0.0
+        return 0.0 if printed_as_zero else -r.probability, question.gap(r)
 
     listed = [r for k, r in enumerate(rivals) if k < _ROWS or not r.has_part or r.name in named]
     counts = question.judged.counts.sum(axis=0)
