@@ -38,6 +38,7 @@ STILL = run_of(
     "still", "hardly anything", [(1.0, 0, 0, 0, 0), (6.0, 0, 0, 0.3, 0), (1.0, 0, 0, 0, 0)]
 )
 PROGRAMME = Programme("short", "two runs", (replace(SHORT, quick=True), STILL))
+ALL_QUICK = replace(PROGRAMME, runs=tuple(replace(run, quick=True) for run in PROGRAMME.runs))
 LAG = {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}}
 GAIN = {"driver_gain": {"gain": 0.06, "y_share": 1.0}}
 COSTS = {"short": 60.0, "still": 60.0}
@@ -301,8 +302,7 @@ def test_a_bench_that_trips_is_judged_by_what_was_recorded_and_asked_no_more(
     reference: GoodRuns, tmp_path: Path
 ) -> None:
     asked = inquiry(reference, tmp_path / "investigation-1", GAIN, trips_at=1)
-    both = replace(PROGRAMME, runs=tuple(replace(run, quick=True) for run in PROGRAMME.runs))
-    report = replace(asked, programme=both).carry_out(lambda text: None)
+    report = replace(asked, programme=ALL_QUICK).carry_out(lambda text: None)
     assert [r.run for r in report.records] == ["short"]
     assert report.why_over == "a run was ended early: it tripped"
     assert report.verdict is not None
@@ -314,8 +314,7 @@ def test_a_bench_that_leaves_a_recorded_run_is_asked_for_the_others(
     reference: GoodRuns, tmp_path: Path
 ) -> None:
     asked = inquiry(reference, tmp_path / "investigation-1", GAIN, leaves_at=1)
-    both = replace(PROGRAMME, runs=tuple(replace(run, quick=True) for run in PROGRAMME.runs))
-    report = replace(asked, programme=both).carry_out(lambda text: None)
+    report = replace(asked, programme=ALL_QUICK).carry_out(lambda text: None)
     assert [r.run for r in report.records if not r.held_out] == ["short", "still"]
     assert [r.ended for r in report.records][:2] == ["it left", ""]
     assert not report.why_over.startswith("a run was ended early")

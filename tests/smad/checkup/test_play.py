@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from sim_device.plant.models import built_in
+from sim_device.plant.models import Model, built_in
 from smad import api
 from smad.checkup.play import live, simulated
 from smad.checkup.series import NOW, Play
@@ -69,6 +69,12 @@ def client(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Tripping:
     return own
 
 
+def recorded_of(model: Model, path: Path) -> Path:
+    with simulated(model, seed=1) as series:
+        path.write_bytes(series(0)(RUN, None).path.read_bytes())
+    return path
+
+
 def player(client: Any) -> Play:
     return live(client, bench="bench", say=print, progress=print)(NOW)
 
@@ -110,9 +116,7 @@ def test_a_first_recording_that_trips_is_no_good_run(client: Tripping) -> None:
 def test_a_simulated_repeat_that_trips_is_kept_as_far_as_it_goes(tmp_path: Path) -> None:
     nominal = built_in("A")
     weak = nominal.with_effects({"driver_gain": {"gain": -0.25}})
-    with simulated(nominal, seed=1) as series:
-        good = tmp_path / "good.mcap"
-        good.write_bytes(series(0)(RUN, None).path.read_bytes())
+    good = recorded_of(nominal, tmp_path / "good.mcap")
     with simulated(weak, seed=2) as series:
         recorded = series(0)(RUN, good)
         assert "the board left ARMED" in recorded.ended
@@ -125,9 +129,7 @@ def test_a_simulated_repeat_that_trips_is_kept_as_far_as_it_goes(tmp_path: Path)
 def test_a_repeat_whose_readings_leave_the_good_run_has_not_tripped(tmp_path: Path) -> None:
     nominal = built_in("A")
     offset = nominal.with_effects({"force_offset": {"offset_N": 1.0}, "force_gain": {"gain": 0.2}})
-    with simulated(nominal, seed=1) as series:
-        good = tmp_path / "good.mcap"
-        good.write_bytes(series(0)(RUN, None).path.read_bytes())
+    good = recorded_of(nominal, tmp_path / "good.mcap")
     with simulated(offset, seed=2) as series:
         recorded = series(0)(RUN, good)
     assert "control.repeat allows" in recorded.ended

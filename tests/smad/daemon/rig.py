@@ -49,6 +49,12 @@ class Rig(virtual.Rig):
         """The port can be opened again."""
         self.lines[""].plug_in()
 
+    async def reopened(self) -> None:
+        """Plug in, and wait until the daemon has opened the port."""
+        self.plug_in()
+        while self.axis.link.transport is None:
+            await asyncio.sleep(0.01)
+
     async def wait_for(self, done: Awaitable[T]) -> T:
         """Wait for something that a thread does while board time stands still."""
         return await asyncio.wait_for(done, _PATIENCE_S)

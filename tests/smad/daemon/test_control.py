@@ -1,6 +1,5 @@
 """The control path, in this process, on the bench's own time."""
 
-import asyncio
 from pathlib import Path
 
 import msgspec
@@ -107,9 +106,7 @@ async def test_pulling_the_plug_lands_in_monitor_and_never_arms_again(tmp_path: 
         rig.pull_the_plug()
         await rig.run(20)
         assert rig.axis.session.state is HostState.DISCONNECTED
-        rig.plug_in()
-        while rig.axis.link.transport is None:
-            await asyncio.sleep(0.01)
+        await rig.reopened()
         await rig.run_for(3.0)
         assert rig.axis.session.state in (HostState.MONITOR, HostState.FAULTED)
         assert not (await rig.ask("motion"))["armed"]
@@ -123,9 +120,7 @@ async def test_a_fault_from_while_the_port_was_away_is_logged_with_its_values(
         await rig.arm()
         rig.pull_the_plug()
         await rig.run_for(1.0)
-        rig.plug_in()
-        while rig.axis.link.transport is None:
-            await asyncio.sleep(0.01)
+        await rig.reopened()
         await rig.run_for(3.0)
         (fault,) = [event.data for event in rig.events if event.kind == "fault"]
         assert fault["name"] == "SETPOINT_LOST"
@@ -138,11 +133,9 @@ async def test_a_fault_is_shown_and_stays_after_the_port_was_reopened(tmp_path: 
         for _ in range(2):
             rig.pull_the_plug()
             await rig.run_for(1.0)
-            rig.plug_in()
             # DTR resets the board, and its memory keeps the fault.
             rig.bench.reboot(ResetCause.PIN)
-            while rig.axis.link.transport is None:
-                await asyncio.sleep(0.01)
+            await rig.reopened()
             await rig.run_for(3.0)
             status = (await rig.ask("status"))["motion"]
             assert (status["mode"], status["fault"]["name"]) == ("FAULT", "SETPOINT_LOST")
@@ -269,9 +262,7 @@ async def test_a_fault_latched_before_the_connection_is_read_and_can_be_cleared(
             )
         rig.pull_the_plug()
         await rig.run_for(3.0)
-        rig.plug_in()
-        while rig.axis.link.transport is None:
-            await asyncio.sleep(0.01)
+        await rig.reopened()
         await rig.run_for(2.0)
         latched = (await rig.ask("motion"))["fault"]
         assert latched is not None
