@@ -9,12 +9,21 @@ from pathlib import Path
 import numpy as np
 
 from evaluation.calibrate.banks import cases_of
-from evaluation.calibrate.fitting import ALLOWED, HELD, fitted, noticed, whether, which
+from evaluation.calibrate.fitting import (
+    ALLOWED,
+    HELD,
+    Judged,
+    fitted,
+    noticed,
+    whether,
+    which,
+)
 from evaluation.calibrate.rivals import (
     LISTED,
     MOVED,
     NONE,
     UNLISTED,
+    CaseRivals,
     Said,
     apart_from,
     folds_of,
@@ -36,6 +45,7 @@ from smad.view.terminal.tables import print_table
 TITLE = "Constants by development banks, benches left out"
 SCORES, PLACES, NAMES = "Scores", "Probability of the likeliest place", "Probability of the name"
 """Headings of the kept tables; the last two are shown in docs/trust.md."""
+Held = Sequence[tuple[Said, Constants]]
 LEFT_OUT = "each bench, or effect of our simulator, by constants from the others"
 
 
@@ -51,27 +61,20 @@ def calibrate(
     before = shipped()
     cases = [x for f in files for x in cases_of(f, keys)]
     after = fitted(cases)
-    left_out: list[tuple[Said, Constants]] = []
-    for part in folds_of(cases):
-        constants = fitted(apart_from(part, cases))
-        left_out += [(x.said(constants), constants) for x in part]
-    for title, scored in (
-        ("as shipped", [(x.said(before), before) for x in cases]),
-        (LEFT_OUT, left_out),
-        ("by all of them, on themselves", [(x.said(after), after) for x in cases]),
-    ):
+    by = {"as shipped": [(x, before) for x in cases], LEFT_OUT: _left_out(cases)}
+    by["by all of them, on themselves"] = [(x, after) for x in cases]
+    visible, seen = ({id(x) for x in part} for part in (showing(cases), noticed(cases, before)))
+    for title, judged in by.items():
         print(title)
-        print_table(_scores(scored))
+        print_table(_scores(_said(judged)))
+        of_visible, of_seen = ([x for x in judged if id(x[0]) in ids] for ids in (visible, seen))
+        print(f"loss: whether {whether(of_visible):.4f}, which {which(of_seen):.4f}")
         print()
-    for title, c in (("as shipped", before), ("after", after)):
-        print(
-            f"loss {title}: whether {whether(cases, c):.4f}, "
-            f"which {which(noticed(cases, c), c):.4f}"
-        )
     for name in before.__struct_fields__:
         print(f"  {name:<12} {getattr(before, name):>8g} -> {getattr(after, name):g}")
     words = f"{len(cases)} cases of {', '.join(f.stem for f in files)}"
     if result is not None:
+        left_out = _said(by[LEFT_OUT])
         tables = {SCORES: _scores(left_out)} | {
             heading: Table(
                 ("said", "right [95 %]", "cases"),
@@ -93,18 +96,30 @@ def calibrate(
     return after
 
 
+def _left_out(cases: Sequence[CaseRivals]) -> list[Judged]:
+    """Each case by the constants of others."""
+    return [
+        (x, constants)
+        for part in folds_of(cases)
+        for constants in (fitted(apart_from(part, cases)),)
+        for x in part
+    ]
+
+
+def _said(judged: Sequence[Judged]) -> Held:
+    return [(x.said(c), c) for x, c in judged]
+
+
 def toml(c: Constants, words: str) -> str:
     """The file of constants, with what they were fitted to."""
+    held = ", ".join(f"{kind} {share:g}" for kind, share in HELD.items())
     allowed = ", ".join(f"{kind} {share:.3g}" for kind, share in ALLOWED.items())
     head = (
         f"# Written by `python -m evaluation calibrate` from {words}.\n"
         "# Under them the right rivals are likeliest, kinds of cases weighed by allowed errors\n"
-        f"# ({allowed}); credible_level: reported places hold the truth in {HELD:g}.\n"
+        f"# ({allowed}); credible_level: reported places hold the truth in {held}.\n"
     )
     return head + "".join(f"{name} = {getattr(c, name)!r}\n" for name in c.__struct_fields__)
-
-
-Held = Sequence[tuple[Said, Constants]]
 
 
 def _place(said: Said) -> tuple[float, bool]:

@@ -19,10 +19,9 @@ _EFFECTS = 40
 class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Constants of the formula in `rivals/score.py`.
 
-    `evidence` is κ, the independent observations in each of ten channels: over all runs together
-    for *which* cause, in each run for *whether* one is missing. `nothing`, `parameters` and
-    `effect` are log prior odds against a law at some place. A credible set is the smallest that has
-    the probability `credible_level`.
+    `evidence` is κ, the independent observations in each of ten channels of a run. `nothing`,
+    `parameters` and `effect` are log prior odds against a law at some place. A credible set is the
+    smallest that has the probability `credible_level`.
     """
 
     evidence: float

@@ -250,21 +250,24 @@ class Question:
         ]
 
     def incomplete(self, rivals: Sequence[Rival]) -> bool:
-        """Whether no rival without a new part reaches `quiet_gap`, though its parameters are free.
+        """Whether no rival without a new part, with free parameters too, reaches `quiet_gap`.
 
         Then something is missing for certain, and the question is only whether a rival describes
-        it.
+        it. Beside a part, parameters that good runs tie are not free, and its form leaves a gap.
         """
         same = (r for r in rivals if not r.has_part)
-        return self.tied is None and all(self.gap(r) > self.quiet_gap for r in same)
+        return not self.form_sd and all(self.gap(r) > self.quiet_gap for r in same)
 
-    def ranked(self, rivals: Sequence[Rival], *, by_rows: bool = False) -> list[Rival]:
+    def ranked(
+        self, rivals: Sequence[Rival], *, by_rows: bool = False, missing: bool = False
+    ) -> list[Rival]:
         """Rivals with their probabilities, the likeliest first.
 
         `by_rows`: every row counts against a simulator without a new part, since it may be right.
+        `missing`: it surely lacks something.
         """
         refuted = self.refuted(rivals)
-        constants = self.constants.of_unknown if self.incomplete(rivals) else self.constants
+        constants = self.constants.of_unknown if missing else self.constants
         compared = [r for r, out in zip(rivals, refuted, strict=True) if not out]
         # Parameters that a prior holds back leave a little without being wrong in form.
         same = [r.fit.model for r in compared if r.fit and not r.has_part]

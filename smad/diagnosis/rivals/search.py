@@ -2,8 +2,9 @@
 
 The rivals of a step are: nothing more, an effect of the library, a law at a place. Each is fitted
 together with the parameters and the parts that have entered, and scored on rows that it was not
-fitted to. If something is more likely missing than not, the likeliest with a better score enters.
-Then each earlier part may be exchanged for a better one, the others kept.
+fitted to. If something is more likely missing than not, the likeliest enters whose score, with the
+prior of its parameters, is better. Then each earlier part may be exchanged for a better one, the
+others kept.
 """
 
 from __future__ import annotations
@@ -144,13 +145,10 @@ class Search:
         elif not self.moved and (free := self._with_free_parameters()) is not None:
             same.append(free)
         rivals = [*same, *self._rivals(self.final)]
-        by_rows = first or bool(question.form_sd)
-        ranked = question.ranked(rivals, by_rows=by_rows)
-        entered = self._choose(ranked)
+        ranked, entered = self._compare(rivals)
         if entered is not None and entered.has_part:
             ended = [self._refit_without_part(rival, entered) for rival in same]
-            ranked = question.ranked([*ended, *rivals[len(same) :]], by_rows=by_rows)
-            entered = self._choose(ranked)
+            ranked, entered = self._compare([*ended, *rivals[len(same) :]])
         if first and self.moved and entered is None:
             # Fitted parameters are always at least as likely as those configured: they are reported
             # where those configured are no longer credible.
@@ -175,22 +173,41 @@ class Search:
             again = self.question.rival(self.final.kind, self.final.name, fitted)
             self.final = again or self.final
 
-    def _choose(self, ranked: Sequence[Rival]) -> Rival | None:
-        """The rival that enters: the likeliest with a better score, if something is missing.
+    def _compare(self, rivals: Sequence[Rival]) -> tuple[list[Rival], Rival | None]:
+        """Rivals with their probabilities, the likeliest first, and which enters.
+
+        Where good runs tie the parameters, the simulator may be as it was. If nothing enters then
+        though it surely lacks something, the rivals are compared once more, given that it does.
+        """
+        question, by_rows = self.question, not self.steps or bool(self.question.form_sd)
+        incomplete = question.incomplete(rivals)
+        missing = incomplete and question.tied is None
+        ranked = question.ranked(rivals, by_rows=by_rows, missing=missing)
+        entered = self._choose(ranked, missing=missing)
+        if entered is None and incomplete and not missing:
+            given_missing = question.ranked(rivals, missing=True)
+            entered = self._choose(given_missing, missing=True)
+            ranked = given_missing if entered else ranked
+        return ranked, entered
+
+    def _choose(self, ranked: Sequence[Rival], *, missing: bool) -> Rival | None:
+        """The rival that enters: the likeliest that is likelier than `final`, if something is
+        missing.
 
         The score decides, since in the gap over all signals the loudest one would. If parts have
-        entered and good runs tie the parameters, the gap must shrink, too. A simulator that lacks
-        something for certain may lack several things, which share the probability: there a rival
-        need only be likelier than nothing more.
+        entered and good runs tie the parameters, the gap must shrink, too. If something is surely
+        `missing`, several things may be, which share the probability: then a rival need only be
+        likelier than nothing more.
         """
+        question, tied = self.question, self.question.tied is not None
         same, more = ([r for r in ranked if r.has_part == with_part] for with_part in (False, True))
-        score, sure = self.final.scores.sum(), self.question.incomplete(same)
-        nearer = [r for r in more if r.probability > 0.0 and r.scores.sum() > score]
-        if self.parts and self.question.tied is not None:
-            gap = self.question.gap(self.final)
-            more = nearer = [r for r in nearer if self.question.gap(r) < gap]
-        missing = sum(r.probability for r in more) > _LIKELIER
-        if nearer and (missing or (sure and nearer[0].probability > same[0].probability)):
+        likely = question.log_weight(self.final)
+        nearer = [r for r in more if r.probability > 0.0 and question.log_weight(r) > likely]
+        if self.parts and tied:
+            gap = question.gap(self.final)
+            more = nearer = [r for r in nearer if question.gap(r) < gap]
+        likelier = sum(r.probability for r in more) > _LIKELIER and not (missing and tied)
+        if nearer and (likelier or (missing and nearer[0].probability > same[0].probability)):
             return _effect_in_place_of_law(nearer)
         return same[0] if same[0].kind == PARAMETERS and not self.moved else None
 

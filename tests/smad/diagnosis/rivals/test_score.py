@@ -34,7 +34,13 @@ def of(
     return [float(x) for x in weighed(scores, at_floor=at_floor, by_rows=by_rows)]
 
 
-def weighed(scores: np.ndarray, *, at_floor: tuple[bool, ...] = NEAR, by_rows: bool) -> np.ndarray:
+def weighed(
+    scores: np.ndarray,
+    *,
+    at_floor: tuple[bool, ...] = NEAR,
+    by_rows: bool,
+    log_prior: tuple[float, ...] = (0.0,) * len(KINDS),
+) -> np.ndarray:
     """Probabilities of rivals with these scores in each run, (rivals, runs)."""
     return probabilities(
         scores,
@@ -45,7 +51,7 @@ def weighed(scores: np.ndarray, *, at_floor: tuple[bool, ...] = NEAR, by_rows: b
         rows=ROWS,
         at_floor=at_floor,
         by_rows=by_rows,
-        log_prior=np.zeros(len(KINDS)),
+        log_prior=np.array(log_prior),
     )
 
 
@@ -134,7 +140,7 @@ def test_a_lead_that_hangs_on_one_run_is_less_sure_than_the_same_lead_in_every_r
 
 def test_of_two_effects_the_better_one_is_not_sure_however_many_runs_there_are() -> None:
     for runs in (RUNS, 4 * RUNS):
-        scores = np.array([[0.0] * runs, [1.0] * runs, [1.5] * runs])
+        scores = np.array([[0.0] * runs, [1.0] * runs, [1.1] * runs])
         p = probabilities(
             scores,
             (NOTHING, EFFECT, EFFECT),
@@ -147,6 +153,28 @@ def test_of_two_effects_the_better_one_is_not_sure_however_many_runs_there_are()
             log_prior=np.zeros(3),
         )
         assert 0.75 < p[2] / (p[1] + p[2]) < 0.85
+
+
+def test_a_law_that_leaves_much_less_does_not_say_that_the_cause_is_not_in_the_library() -> None:
+    effect = np.exp(TEMPER.effect) / (np.exp(TEMPER.effect) + 1.0)
+    better, worse, law = of((0.0, 0.0, 100.0, 90.0, 400.0))[2:]
+    assert better == pytest.approx(0.5 * effect, rel=0.05)
+    assert worse < 1e-3 * better
+    assert law == pytest.approx(1.0 - better, abs=1e-3)
+
+
+def test_a_cause_that_leaves_as_much_as_moved_parameters_is_likelier_if_it_moves_them_less() -> (
+    None
+):
+    scores = np.array([[-200.0], [0.0], [-0.2], [-0.3], [-200.0]]) / RUNS * np.ones(RUNS)
+
+    def of_second(log_prior: float) -> float:
+        priors = (0.0, -15.0, -15.0, log_prior, 0.0)
+        p = weighed(scores, at_floor=(False,) * 5, by_rows=False, log_prior=priors)
+        return float(p[3] / (p[2] + p[3]))
+
+    assert of_second(-15.0) < 0.5
+    assert of_second(-7.0) > 0.9
 
 
 def test_few_signals_say_as_much_together_as_many() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -40,6 +42,10 @@ def leaving(kind: str, floors: float, *, score: float = 0.0, probability: float 
 
 def floors_left(rival: Rival) -> float:
     return float(np.sqrt(rival.squares.sum()))
+
+
+def score_of(rival: Rival) -> float:
+    return float(rival.scores.sum())
 
 
 @dataclass(frozen=True)
@@ -106,13 +112,13 @@ def test_a_simulator_that_a_part_has_entered_is_not_refuted_by_what_its_form_lea
 
 
 @pytest.mark.parametrize(
-    ("tied", "floors", "incomplete"),
-    [(None, (20.0, 15.0), True), (None, (20.0, 1.2), False), ("a day", (20.0, 15.0), False)],
+    ("form_sd", "floors", "incomplete"),
+    [((), (20.0, 15.0), True), ((), (20.0, 1.2), False), (("of one run",), (20.0, 15.0), False)],
 )
 def test_a_simulator_with_free_parameters_surely_lacks_something_where_it_leaves_more_than_noise(
-    tied: str | None, floors: tuple[float, float], incomplete: bool
+    form_sd: tuple[str, ...], floors: tuple[float, float], incomplete: bool
 ) -> None:
-    question = SimpleNamespace(gap=floors_left, quiet_gap=1.35, tied=tied)
+    question = SimpleNamespace(gap=floors_left, quiet_gap=1.35, form_sd=form_sd)
     rivals = [
         leaving(NOTHING, floors[0]),
         leaving(PARAMETERS, floors[1]),
@@ -133,15 +139,48 @@ def test_where_several_things_are_missing_one_enters_that_is_likelier_than_none_
     # Better by score, since it shows a quiet channel; all channels together it leaves no less.
     other = leaving(EFFECT, 30.5, score=4.0, probability=0.35)
     search = SimpleNamespace(
-        question=SimpleNamespace(
-            gap=floors_left, incomplete=lambda same: surely_incomplete, tied="a day"
-        ),
+        question=SimpleNamespace(gap=floors_left, log_weight=score_of, tied="a day"),
         final=nothing,
         parts=("cooling_front",),
         moved=True,
     )
-    entered = Search._choose(cast(Any, search), [likeliest, other, nothing])
+    entered = Search._choose(
+        cast(Any, search), [likeliest, other, nothing], missing=surely_incomplete
+    )
     assert entered is (likeliest if enters else None)
+
+
+@pytest.mark.parametrize(("incomplete", "enters"), [(True, True), (False, False)])
+def test_where_nothing_enters_a_simulator_that_surely_lacks_something_is_asked_what_it_lacks(
+    incomplete: bool, enters: bool
+) -> None:
+    effect = leaving(EFFECT, 20.0, score=5.0)
+    nothing = leaving(NOTHING, 30.0)
+
+    def ranked(rivals: Sequence[Rival], *, missing: bool = False, by_rows: bool = False) -> Any:
+        p = 0.6 if missing else 0.1
+        return sorted(
+            [replace(effect, probability=p), replace(nothing, probability=1.0 - p)],
+            key=lambda rival: -rival.probability,
+        )
+
+    search = SimpleNamespace(
+        question=SimpleNamespace(
+            gap=floors_left,
+            log_weight=score_of,
+            tied="a day",
+            form_sd=(),
+            incomplete=lambda rivals: incomplete,
+            ranked=ranked,
+        ),
+        final=nothing,
+        parts=(),
+        steps=[],
+        moved=True,
+    )
+    search._choose = partial(Search._choose, cast(Any, search))
+    _, entered = Search._compare(cast(Any, search), [nothing, effect])
+    assert (entered is not None) is enters
 
 
 def test_with_free_parameters_enters_what_scores_better_though_a_loud_signal_is_worse() -> None:
@@ -149,12 +188,13 @@ def test_with_free_parameters_enters_what_scores_better_though_a_loud_signal_is_
     # Both temperatures at a third, a displacement of 137 floors at 147.
     likeliest = leaving(EFFECT, 48.1, score=7.0, probability=0.8)
     search = SimpleNamespace(
-        question=SimpleNamespace(gap=floors_left, incomplete=lambda same: True, tied=None),
+        question=SimpleNamespace(gap=floors_left, log_weight=score_of, tied=None),
         final=nothing,
         parts=("unified_kinetics",),
         moved=True,
     )
-    assert Search._choose(cast(Any, search), [likeliest, nothing]) is likeliest
+    entered = Search._choose(cast(Any, search), [likeliest, nothing], missing=True)
+    assert entered is likeliest
 
 
 @pytest.mark.parametrize(("effect_leaves", "enters"), [(8.0, EFFECT), (31.0, LAW)])
@@ -172,12 +212,12 @@ def test_an_effect_enters_in_place_of_a_law_only_where_it_may_enter_itself(
     effect = at_the_rtd(EFFECT, effect_leaves, 6.5, 0.3)
     nothing = leaving(NOTHING, 30.0, probability=0.1)
     search = SimpleNamespace(
-        question=SimpleNamespace(gap=floors_left, incomplete=lambda same: False, tied="a day"),
+        question=SimpleNamespace(gap=floors_left, log_weight=score_of, tied="a day"),
         final=nothing,
         parts=("cooling_front",),
         moved=True,
     )
-    entered = Search._choose(cast(Any, search), [law, effect, nothing])
+    entered = Search._choose(cast(Any, search), [law, effect, nothing], missing=False)
     assert entered is not None
     assert entered.kind == enters
 
