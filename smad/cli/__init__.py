@@ -38,6 +38,8 @@ READS_FILES = frozenset(("log", "gap", "run", "view", "health"))
 
 SYNONYMS: Mapping[str, str] = {"mark": "note", "check-up": "checkup", "ls": "list"}
 """Words of the live page and of habit, and the command that does it."""
+_STOPS = ("stop", "halt", "off", "abort")
+"""What somebody in a hurry types to switch off; `smad record stop` only ends a recording."""
 
 _NO_COMMAND = re.compile(r"No such command '([^']+)'")
 _EXTRA = re.compile(r"Got unexpected extra argument \((\S+)\)")
@@ -74,7 +76,7 @@ class LazyGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Return the command that is called; one misspelt is answered with the nearest."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            deeper = self._in_groups(ctx, args[0])
+            deeper = self._meant(ctx, args[0])
             suggestion = (
                 f"did you mean {' or '.join(deeper)}?"
                 if deeper
@@ -83,8 +85,10 @@ class LazyGroup(click.Group):
             ctx.fail(f"There is no command {args[0]!r}; {suggestion}")
         return super().resolve_command(ctx, args)
 
-    def _in_groups(self, ctx: click.Context, word: str) -> list[str]:
-        """The commands of groups that are called so: `smad mark` is `smad record note`."""
+    def _meant(self, ctx: click.Context, word: str) -> list[str]:
+        """What a word means: `smad mark` is `smad record note`, `smad stop` `smad disarm`."""
+        if word in _STOPS:
+            return ["smad disarm", "smad estop"]
         command = SYNONYMS.get(word, word)
         groups = ((name, self.get_command(ctx, name)) for name in COMMANDS)
         return [

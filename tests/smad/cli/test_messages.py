@@ -19,6 +19,7 @@ from smad.errors import SmadError
 @pytest.mark.parametrize(
     ("words", "told"),
     [
+        ("stop", "There is no command 'stop'; did you mean smad disarm or smad estop? See smad"),
         ("statsu", "There is no command 'statsu'; did you mean status or start? See smad --help."),
         ("log shwo", "Did you mean 'show'? See smad log --help."),
         ("pump x 50", "'50' is not within 0 to 1 (0% to 100%)"),
