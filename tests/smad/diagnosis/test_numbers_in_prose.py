@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from evaluation.calibrate.fitting import HELD
+from evaluation.calibrate.rivals import LISTED, UNLISTED
 from evaluation.programme.separations import Limits
 from evaluation.score.answers import NAMED
 from sim_device.plant.laws import LAGS_S
@@ -61,7 +62,10 @@ CLAIMS = [
     (CHECK_UP, f"rows of {grid.PERIOD_S} s"),
     (CHECK_UP, f"(d² ≥ {SEPARATED:g}, every whitened row"),
     (TRUST, f"A name is given from a probability of {NAMED} on"),
-    (EVALUATION, f"hold the truth in {HELD} of the noticed cases"),
+    (
+        EVALUATION,
+        f"hold the truth in {HELD[LISTED]} of the noticed listed effects and {HELD[UNLISTED]} of",
+    ),
     (EVALUATION, f"from a probability of {NAMED} on"),
 ]
 
