@@ -22,7 +22,7 @@ def rival_words(plant: PlacesPlant, rival: Rival) -> str:
         return rival.name
     if rival.kind == LAW:
         return part_words(plant, rival.parts[-1])
-    if rival.kind == PARAMETERS:
+    if PARAMETERS in (rival.kind, rival.name):
         return "parameters alone"
     if rival.fit is None:
         return "the simulator as configured"
