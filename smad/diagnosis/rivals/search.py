@@ -2,9 +2,9 @@
 
 The rivals of a step are: nothing more, an effect of the library, a law at a place. Each is fitted
 together with the parameters and the parts that have entered, and scored on rows that it was not
-fitted to. If something is more likely missing than not, the likeliest enters whose score, with the
-prior of its parameters, is better. Then each earlier part may be exchanged for a better one, the
-others kept.
+fitted to. If something is more likely missing than not, the likeliest enters that has a better
+score, or likelier parameters. Then each earlier part may be exchanged for a better one, the others
+kept.
 """
 
 from __future__ import annotations
@@ -191,18 +191,23 @@ class Search:
         return ranked, entered
 
     def _choose(self, ranked: Sequence[Rival], *, missing: bool) -> Rival | None:
-        """The rival that enters: the likeliest that is likelier than `final`, if something is
-        missing.
+        """The rival that enters, if something is missing: the likeliest that is better than `final`.
 
-        The score decides, since in the gap over all signals the loudest one would. If parts have
-        entered and good runs tie the parameters, the gap must shrink, too. If something is surely
-        `missing`, several things may be, which share the probability: then a rival need only be
-        likelier than nothing more.
+        The score decides, since in the gap over all signals the loudest one would; with a worse
+        score a rival may be better by the prior of its parameters. If parts have entered and good
+        runs tie the parameters, the gap must shrink, too. If something is surely `missing`, several
+        things may be, which share the probability: then a rival need only be likelier than nothing
+        more.
         """
         question, tied = self.question, self.question.tied is not None
         same, more = ([r for r in ranked if r.has_part == with_part] for with_part in (False, True))
-        likely = question.log_weight(self.final)
-        nearer = [r for r in more if r.probability > 0.0 and question.log_weight(r) > likely]
+        score, log_weight = self.final.scores.sum(), question.log_weight(self.final)
+        nearer = [
+            r
+            for r in more
+            if r.probability > 0.0
+            and (r.scores.sum() > score or question.log_weight(r) > log_weight)
+        ]
         if self.parts and tied:
             gap = question.gap(self.final)
             more = nearer = [r for r in nearer if question.gap(r) < gap]
