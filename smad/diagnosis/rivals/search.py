@@ -191,7 +191,7 @@ class Search:
         return ranked, entered
 
     def _choose(self, ranked: Sequence[Rival], *, missing: bool) -> Rival | None:
-        """The rival that enters, if something is missing: the likeliest that is better than `final`.
+        """The rival that enters if something is missing: the likeliest better than `final`.
 
         The score decides, since in the gap over all signals the loudest one would; with a worse
         score a rival may be better by the prior of its parameters. If parts have entered and good
