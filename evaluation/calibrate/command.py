@@ -45,7 +45,8 @@ from smad.view.terminal.tables import print_table
 TITLE = "Constants by development banks, benches left out"
 SCORES, PLACES, NAMES = "Scores", "Probability of the likeliest place", "Probability of the name"
 """Headings of the kept tables; the last two are shown in docs/trust.md."""
-Held = Sequence[tuple[Said, Constants]]
+SaidBy = Sequence[tuple[Said, Constants]]
+"""What constants make of cases."""
 LEFT_OUT = "each bench, or effect of our simulator, by constants from the others"
 
 
@@ -61,8 +62,11 @@ def calibrate(
     before = shipped()
     cases = [x for f in files for x in cases_of(f, keys)]
     after = fitted(cases)
-    by = {"as shipped": [(x, before) for x in cases], LEFT_OUT: _left_out(cases)}
-    by["by all of them, on themselves"] = [(x, after) for x in cases]
+    by = {
+        "as shipped": [(x, before) for x in cases],
+        LEFT_OUT: _left_out(cases),
+        "by all of them, on themselves": [(x, after) for x in cases],
+    }
     visible, seen = ({id(x) for x in part} for part in (showing(cases), noticed(cases, before)))
     for title, judged in by.items():
         print(title)
@@ -98,15 +102,14 @@ def calibrate(
 
 def _left_out(cases: Sequence[CaseRivals]) -> list[Judged]:
     """Each case by the constants of others."""
-    return [
-        (x, constants)
-        for part in folds_of(cases)
-        for constants in (fitted(apart_from(part, cases)),)
-        for x in part
-    ]
+    out: list[Judged] = []
+    for part in folds_of(cases):
+        constants = fitted(apart_from(part, cases))
+        out += [(x, constants) for x in part]
+    return out
 
 
-def _said(judged: Sequence[Judged]) -> Held:
+def _said(judged: Sequence[Judged]) -> SaidBy:
     return [(x.said(c), c) for x, c in judged]
 
 
@@ -131,14 +134,14 @@ def _name(said: Said) -> tuple[float, bool]:
 
 
 def _of(
-    cases: Held, of: Callable[[Said], tuple[float, bool]], *truths: str
+    cases: SaidBy, of: Callable[[Said], tuple[float, bool]], *truths: str
 ) -> list[tuple[float, bool]]:
     """What was said of noticed effects, and whether it was right."""
     kinds = truths or (LISTED, UNLISTED)
     return [of(s) for s, _ in cases if s.noticed and s.case_rivals.truth in kinds]
 
 
-def _scores(cases: Held) -> Table:
+def _scores(cases: SaidBy) -> Table:
     """How often the first step is right."""
 
     def kind(*truths: str) -> list[tuple[Said, Constants]]:

@@ -161,12 +161,17 @@ def _credible_level(cases: Sequence[CaseRivals], c: Constants) -> float:
     is noticed."""
     seen = [s for x in cases for s in (x.said(c),) if s.noticed]
     groups = [
-        ([s for s in seen if (s.case_rivals.truth, s.case_rivals.exact) == (truth, exact)], least)
+        (group, least)
         for truth, least in HELD.items()
         for exact in (True, False)
+        if (
+            group := [
+                s for s in seen if s.case_rivals.truth == truth and s.case_rivals.exact == exact
+            ]
+        )
     ]
     for level in LEVELS:
-        if all(_holding(group, level) >= least for group, least in groups if group):
+        if groups and all(_holding(group, level) >= least for group, least in groups):
             return level
     return LEVELS[-1]
 

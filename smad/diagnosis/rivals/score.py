@@ -20,8 +20,8 @@ and k = κ. If only one of two rivals is at the floor, every row counts: the oth
 probability is the mean of the two. If it is right every independent row counts, k = κ₀. If all are
 wrong, k = κ, but effects are compared with effects alone and laws with laws: a law has many shapes,
 so what it leaves does not say whether the cause is one of the library. The two kinds then have
-their prior probabilities. Rivals are weighted by the probability that they leave less than the
-simulator without a part.
+their prior probabilities. Rivals are weighted by the probability that they are better than the
+simulator without a part, by what they leave and by the prior of their parameters.
 
 All are averaged over resampled runs (BayesBag, Huggins and Miller 2023), so that no single run
 decides.
@@ -114,12 +114,11 @@ def probabilities(
     move far to imitate an effect are less likely than the effect. Of more runs than `enumerated` a
     sample of their resamples is taken.
     """
-    law = -float(np.log(max(laws, _LAWS)))
     of_kind = {
         NOTHING: constants.nothing,
         PARAMETERS: constants.parameters,
         EFFECT: constants.each_effect(effects),
-        LAW: law,
+        LAW: -float(np.log(max(laws, _LAWS))),
     }
     prior = log_prior + np.array([of_kind[kind] for kind in kinds])
     times, chance = _resamples(scores.shape[1], enumerated)
@@ -127,13 +126,10 @@ def probabilities(
     of_run, of_rows = 0.5 * constants.evidence, 0.5 * rows
     part = np.isin(kinds, (EFFECT, LAW))
     of_same = of_rows if by_rows else of_run
-    all_of_kind = {
-        EFFECT: constants.each_effect(effects) + float(np.log(max(effects, 1))),
-        LAW: law + float(np.log(max(laws, 1))),
-    }
+    counts = {EFFECT: effects, LAW: laws}
     causes = _Causes(
         kinds=np.array(kinds)[part],
-        all_of_kind=all_of_kind,
+        all_of_kind={k: of_kind[k] + float(np.log(max(n, 1))) for k, n in counts.items()},
         of_right=of_rows,
         of_wrong=of_run * min(_ALIKE / scores.shape[1], 1.0),
     )
@@ -145,8 +141,8 @@ def probabilities(
     best = total[:, ~part].max(axis=1, keepdims=True)
     lead = total[:, part] - best
     of_best = log_prior[~part][total[:, ~part].argmax(axis=1)][:, None]
-    likelier = of_same * lead + log_prior[part] - of_best
-    which = causes.probabilities(prior[part] + _log_sigmoid(likelier), lead)
+    log_ratio = of_same * lead + log_prior[part] - of_best
+    which = causes.probabilities(prior[part] + _log_sigmoid(log_ratio), lead)
     sound, alone = np.asarray(at_floor)[part], np.asarray(at_floor)[~part].any()
     ahead = np.where(sound & ~alone, of_rows, of_same)
     behind = np.where(alone & ~sound, of_rows, of_run)
@@ -199,7 +195,7 @@ class _Causes:
 
 def _log_sum_exp(log: Array) -> Array:
     """Log of the sum of weights in each row, (resampled, 1)."""
-    # Five times as fast as `np.logaddexp`.
+    # This and the next take 0.4 of the time of `np.logaddexp`.
     largest = log.max(axis=1, keepdims=True)
     return np.asarray(largest + np.log(np.exp(log - largest).sum(axis=1, keepdims=True)))
 
