@@ -16,7 +16,6 @@ from evaluation.plant.layout import (
     COUNTED,
     CUT_OUT,
     FLOW,
-    FREEWHEELING,
     FUSE_WARM,
     GLANCE,
     HEAD_AIR,
@@ -28,7 +27,6 @@ from evaluation.plant.layout import (
     LONG_ON,
     OHM,
     PLUGGED,
-    POLLED,
     PRIMED,
     PUMP,
     RETURN_POT,
@@ -39,10 +37,8 @@ from evaluation.plant.layout import (
     SPILT,
     SPIN,
     SPIN_RATE,
-    SWITCHED,
     TIME,
     TIRED,
-    UNCOUPLED,
     WOUND,
     X,
 )
@@ -66,10 +62,6 @@ CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
 SUCTION = slot("shared_suction")
 MEMBRANE = slot("tired_membrane")
-POLLS = slot("polled_pump")
-DECOUPLES = slot("decoupled_rotor")
-END_SWITCH = slot("worn_end_switch")
-CHOKE = slot("freewheeling_choke")
 SIPHON = slot("running_siphon")
 GAS_PLUG = slot("gas_plug")
 CUTS_OUT = slot("bimetal_cutout")
@@ -91,7 +83,6 @@ SHAKES = slot("shaking_pump")
 
 CURRENT_LIMIT_A = 4.0
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
-SWITCHES_m, RELEASES_m = 3e-3, 1.5e-3  # own contraction at an end switch
 BEAT_S = 11.0  # how often two bridges switch together
 RING_m = 6e-3  # travel from one worn spot of a slip ring to the next
 CALIBRATES_S = 9.0  # how often a driver calibrates itself, for 1 s
@@ -101,7 +92,6 @@ COUNTS_A2_S, HOLDS_S = 20.0, 1.5  # what an electronic fuse passes, then how lon
 FALLS_BACK_S = 2.0  # how long a flow switch stays after its flow
 GATHERS_AT, BLOWN_OUT_AT = 0.05, 0.85  # speed of a pump whose head gathers air, or loses it
 PRIMED_AT, SIPHON_S = 0.1, 6.0  # speed of a pump that starts a siphon, how long it runs on
-SLIPS_AT, MEETS_AT = 0.4, 0.15  # duty ahead of a rotor that it slips at, duty that it waits for
 
 
 @compiled
@@ -147,12 +137,6 @@ def current(
         target = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
         side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], target, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
-    drawn_in = pair[X] if s == 0 else -pair[X]
-    if drawn_in > SWITCHES_m:
-        side[s, SWITCHED] = approach(side[s, SWITCHED], 1.0, dt, 0.2)
-    elif drawn_in < RELEASES_m:
-        side[s, SWITCHED] = approach(side[s, SWITCHED], 0.0, dt, 0.2)
-    i *= 1.0 - min(e[s, END_SWITCH], 0.9) * side[s, SWITCHED]
     i *= 1.0 - min(e[s, CUTS_OUT], 0.9) * side[s, CUT_OUT]
     beat = math.sin(2.0 * math.pi * (pair[TIME] / BEAT_S + e[2, BEATING]))
     i += e[0, BEATING] * min(i, side[1 - s, AMPERE]) * beat
@@ -169,9 +153,6 @@ def current(
     if side[s, COUNTED] > COUNTS_A2_S:
         side[s, COUNTED] -= COUNTS_A2_S
         side[s, HELD_BACK] = HOLDS_S
-    if e[s, CHOKE] > 0.0:
-        i = max(i, side[s, FREEWHEELING] - dt / e[s, CHOKE])
-        side[s, FREEWHEELING] = i
     side[s, LAG_A] = approach(side[s, LAG_A], i, dt, p[DRIVER_LAG])
     slow = e[s, SLOW_DRIVER]
     if slow <= 0.0:
@@ -189,15 +170,6 @@ def _pump_speed(
 ) -> float:
     dead = e[s, DEAD_TIME]
     duty = late(ring, RING_DUTY_X + s, pair[GLANCE], dead / dt)
-    if e[s, POLLS] > 0.0:
-        turn = pair[TIME] / e[s, POLLS] + 0.5 * s
-        if math.floor(turn) != math.floor(turn - dt / e[s, POLLS]):
-            side[s, POLLED] = duty
-        duty = side[s, POLLED]
-    if duty - side[s, PUMP] > SLIPS_AT:
-        side[s, UNCOUPLED] = 1.0
-    elif duty < MEETS_AT:
-        side[s, UNCOUPLED] = 0.0
     side[s, PUMP] = approach(side[s, PUMP], duty, dt, p[PUMP_LAG])
     if dead <= 0.0:
         side[s, SPIN] = side[s, PUMP]
@@ -214,7 +186,6 @@ def _pump_speed(
 def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) -> float:
     """Heat capacity rate (W/K) of the water through tube `s`."""
     share = _pump_speed(s, p, e, side, pair, ring, dt)
-    share *= 1.0 - min(e[s, DECOUPLES], 0.95) * side[s, UNCOUPLED]
     share = max(share - e[s, CRACKING], 0.0)
     drawn_in = pair[X] if s == 0 else -pair[X]
     share *= max(1.0 - e[s, LIFTED] * drawn_in / 5e-3, 0.0)

@@ -24,8 +24,6 @@ SIGNED = (
             "convection_exponent",
             "stress_latent_heat",
             "motor_beside_sensor",
-            "warmed_scale",
-            "stressed_hall",
             "drifting_zero",
             "pulses_in_amplifier",
             "warm_latent",
@@ -36,6 +34,9 @@ SIGNED = (
             "wrong_table_entry",
             "gradient_in_cell",
             "lever_on_encoder",
+            "bimetal_tongue",
+            "lifting_head",
+            "unlike_crimp",
         )
     )
     | sealed.SIGNED

@@ -21,7 +21,6 @@ from evaluation.plant.layout import (
     CELLS,
     CLAMP_WARM,
     COLUMNS,
-    CORE_WARM,
     DRIVERS_WARM,
     DUTY_X,
     DUTY_Y,
@@ -52,7 +51,6 @@ from evaluation.plant.layout import (
     RUBBED_BEFORE,
     RUN_ON,
     SEEN_BEFORE,
-    SHOWN,
     SIDE_WIDTH,
     SILT,
     SINK_WARM,
@@ -123,8 +121,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, OHM] = bench.resistance_ohm, bench.resistance_ohm * bench.y_resistance
     side[:, RTD_A] = water_degC
     side[:, RTD_B] = water_degC
-    side[:, SHOWN] = water_degC
-    side[:, CORE_WARM] = water_degC
     side[:, RUN_ON] = 60.0
     side[:, OXIDE] = 1.0
     side[:, SILT] = 1.0

@@ -54,19 +54,7 @@ CELL_WIDTH = PLAY + PLAYS
     LEAD_WARM,
     AVERAGED,
     SHRUNK,
-    SLEEVED,
-    UNCOUPLED,
-    POLLED,
-    CLOUD,
-    CORE_WARM,
-    SHOWN,
-    MIXED,
-    CREPT,
-    STRAND,
-    PEAK_VOLT,
     RESTED,
-    SWITCHED,
-    FREEWHEELING,
     OXIDE,
     RUN_ON,
     PLUGGED,
@@ -123,7 +111,7 @@ CELL_WIDTH = PLAY + PLAYS
     TRAINED,
     CHARGED,
     SIDE_WIDTH,
-) = range(101)
+) = range(89)
 
 (
     TIME,
@@ -142,13 +130,6 @@ CELL_WIDTH = PLAY + PLAYS
     INDEXED,
     SPONGE,
     DRIVERS_WARM,
-    IDLE,
-    SLEPT_AT,
-    OVERSLEPT,
-    SETTLED,
-    CAUGHT,
-    SEAL_WARM,
-    SLID,
     TORN_AT,
     PASSED,
     RETURNED,
@@ -175,7 +156,7 @@ CELL_WIDTH = PLAY + PLAYS
     HELD_FORCE,
     TONGUE,
     PAIR_WIDTH,
-) = range(49)
+) = range(42)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

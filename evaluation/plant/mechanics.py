@@ -16,11 +16,9 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
-    CAUGHT,
     CELLS,
     COLLAR,
     COMPLIANT,
-    CREPT,
     DEFECTS,
     FILL,
     FLOW,
@@ -33,11 +31,8 @@ from evaluation.plant.layout import (
     PIN,
     R_PHASE,
     RATE,
-    RESTED,
     RUN_IN,
-    SEAL_WARM,
     SHRUNK,
-    SLID,
     SPEED,
     SPILT,
     SPONGE,
@@ -52,7 +47,6 @@ from evaluation.plant.layout import (
 )
 from evaluation.plant.parameters import index
 from evaluation.plant.phase import TURN_ONSET, TURN_POWER, TURN_SCALE, turned_by
-from evaluation.plant.rarer import CREEPING
 from evaluation.plant.tendon import (
     BIMETAL,
     jets,
@@ -79,9 +73,6 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
-RESTS = slot("ageing_at_rest")
-SEAL = slot("swelling_seal")
-PITTED = slot("pitted_guide")
 CHILLED = slot("chilled_on_one_side")
 PRESSURE = slot("tube_under_pressure")
 HEAVY = slot("heavy_pulley")
@@ -106,7 +97,6 @@ TAPER_m = 4e-3  # travel over which a dashpot's drag grows by a factor of 2.7
 VANE_m, GAIN_m_s2 = 2e-3, 0.02  # half of a braked vane, and a heavy pulley's acceleration
 RUN_IN_m, TOOTH_m = 3e-2, 2.5e-3  # way over which a guide runs in, and from tooth to tooth
 COLLAR_m, GRIPS_m = 1.5e-3, 3e-4  # half a collar's play, and how far it gives
-PIT_m, CATCH_m = 2e-3, 5e-4  # how long a pitted part of a guide is, and how far it gives
 
 
 @compiled
@@ -128,8 +118,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         total += 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
-    side[s, GROWN] = 1e-3 * e[s, CREEPING] * side[s, CREPT]
-    side[s, GROWN] += 1e-3 * e[s, CHILLED] * across / 10.0
+    side[s, GROWN] = 1e-3 * e[s, CHILLED] * across / 10.0
     side[s, GROWN] += 1e-3 * e[s, PRESSURE] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
     side[s, GROWN] += 1e-3 * e[s, TWINS_FOLLOW] * side[s, TWINS]
     side[s, GROWN] += 1e-3 * e[s, TWINS_RUBBING] * martensite * side[s, TWINS_RUB]
@@ -137,7 +126,6 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     side[s, GROWN] -= 1e-3 * (e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, MOBILE] > 0.0:
         total *= 1.0 + e[s, MOBILE] * side[s, RATE] / (side[s, RATE] + 0.03)
-    total /= 1.0 + e[s, RESTS] * side[s, RESTED]
     total *= 1.0 + e[s, YOUNG] * side[s, DEFECTS]
     side[s, COMPLIANT] = total / CELLS
     side[s, FREE_STRAIN] = strain / CELLS
@@ -244,7 +232,6 @@ def resisting(
     flowing = side[0, FLOW] + side[1, FLOW]
     rubbing = e[0, GRIPPING] * flowing / full_flow
     rubbing += e[0, SHAKEN_FREE] * max(1.0 - flowing / full_flow, 0.0)
-    rubbing += e[0, SEAL] * max(pair[SEAL_WARM], 0.0)
     rubbing += e[0, SKEWED] * (before / 5e-3) ** 2
     rubbing += e[0, FELT] * pair[SPILT]
     rubbing += e[0, RUNS_IN] * math.exp(-pair[RUN_IN] / RUN_IN_m)
@@ -263,12 +250,6 @@ def resisting(
     if x > before:
         total += e[0, LEAF] * (x - before) / dt / 5e-3
         slope += e[0, LEAF] / dt / 5e-3
-    if e[0, PITTED] > 0.0:
-        off = (before - 6e-3 * (e[2, PITTED] - 0.5)) / PIT_m
-        scale = e[0, PITTED] * math.exp(-off * off)
-        caught = pair[CAUGHT] + (x - before) / CATCH_m
-        total += scale * min(max(caught, -1.0), 1.0)
-        slope += scale / CATCH_m if abs(caught) < 1.0 else 0.0
     moved = pair[COLLAR] + (x - before)
     over = abs(moved) - COLLAR_m
     total += math.copysign(e[0, PUSHED] * min(max(over / GRIPS_m, 0.0), 1.0), moved)
@@ -292,7 +273,7 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         soften(s, p, e, cells, side)
     for _ in range(30):
         force_y, slope_y = pull(1, 0.5 * p[SPAN] + x, force_y, p, e, cells, side)
-        longer, slope_t = longer_tendon(force_y, e, pair)
+        longer, slope_t = longer_tendon(force_y, e)
         away = 0.5 * p[SPAN] - x - longer
         force_x, slope_x = pull(0, away, force_x, p, e, cells, side)
         against, slope_f, bristle = resisting(x, before, force_y, dt, p[FULL_FLOW], e, side, pair)
@@ -313,15 +294,11 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[FORCE_Y] = force_y
     pair[FRICTION] = bristle
     pair[SPEED] = (x - before) / dt
-    pair[CAUGHT] = min(max(pair[CAUGHT] + (x - before) / CATCH_m, -1.0), 1.0)
     pair[RUN_IN] += abs(x - before)
     gripped = COLLAR_m + GRIPS_m
     pair[COLLAR] = min(max(pair[COLLAR] + (x - before), -gripped), gripped)
-    pair[SLID] += dt / 10.0 * max(force_y - 1.4, 0.0) / 0.2
-    warm = (cells[0, CELLS - 1, W] + cells[1, CELLS - 1, W] - 54.0) / 20.0
     apart = (cells[0, CELLS - 1, W] - cells[1, CELLS - 1, W]) / 20.0
     pair[TONGUE] = approach(pair[TONGUE], apart, dt, 6.0)
-    pair[SEAL_WARM] = approach(pair[SEAL_WARM], warm, dt, 5.0)
     if e[0, SOAKING] > 0.0:
         spilt = (side[0, FLOW] + side[1, FLOW]) / p[FULL_FLOW]
         pair[SPONGE] += dt * (spilt / 10.0 - pair[SPONGE] / 40.0)

@@ -7,96 +7,93 @@ The load cell is beside X, so that a force between the springs has one place.
 from evaluation.plant.effect import FLOW, Effect
 
 EFFECTS: tuple[Effect, ...] = (
-    Effect("hiccuping_fuse", "dev", "electrical", "1", 0.00784, 0.9, "driven_current",
-           "current time",
-           "an electronic fuse counts heat: after every 20 A²s it holds back for 1.5 s: I(1 − e)"),
-    Effect("flow_interlock", "dev", "electrical", "1", 0.0111, 0.9, "driven_current",
-           "duty current time",
-           "a flow switch that falls back late holds its heater down: I(1 − e) until 2 s after its "
-           "pump has fallen below a tenth of full speed", "one"),
-    Effect("healing_defects", "dev", "electrical", "1", 0.0365, 0.6,
+    Effect("play_in_variac", "dev", "electrical", "A", 0.0327, 1.5, "driven_current",
+           "current",
+           "a driver's variac has play: the current follows its set value within e/2, and is off "
+           "at zero"),
+    Effect("calibrating_driver", "dev", "electrical", "1", 0.0126, 0.9, "driven_current",
+           "time current",
+           "a driver calibrates itself for 1 s in every 9 s, from c on: then I(1 − e)"),
+    Effect("ordering_austenite", "dev", "electrical", "1", 0.0278, 0.6,
            "resistance reading_voltage",
-           "fraction time fraction_rate",
-           "martensite that forms leaves defects, which heal: R(1 + e d), d gains Δξ⁺, and fades "
-           "in 10 s"),
-    Effect("rms_voltmeter", "dev", "electrical", "1", 0.00563, 0.5,
-           "reading_voltage resistance",
-           "reading current",
-           "a voltmeter of means sees some of the chopped voltage's RMS: V + e[(V · 12 V)^½ − V]"),
-    Effect("air_in_pump_head", "dev", "thermal", "1", 0.545, 0.95, FLOW, "duty time",
-           "air gathers in a pump's head at part load: flow(1 − e a), a → 1 in 5 s at 0.05–0.85 of "
-           "full speed, and → 0 in 0.5 s above"),
-    Effect("filling_return_pot", "dev", "thermal", "1", 0.468, 0.9, FLOW,
-           "duty other_duty time",
-           "both tubes empty into a pot with a narrow drain: flow(1 − e l), l gains both flows' "
-           "share less √l each 6 s", "both"),
-    Effect("float_valve", "dev", "thermal", "K", 3.68, 20.0, "inlet_water heat_into_water",
-           "duty other_duty time",
-           "a float valve refills the vessel below the inlet's sensor with cold water: T_in − e r, "
-           "r gains 1 after every 8 s of one tube's full flow, and fades in 8 s", "both"),
-    Effect("rusty_feed", "dev", "thermal", "1", 0.863, 12.0, "film", "duty time",
-           "what is pumped leaves rust on the coil: film/[1 + e∫q dt/20 s], q the flow's share"),
-    Effect("tube_against_frame", "dev", "thermal", "W/K", 0.0546, 2.0, "heat_into_water",
-           "force water",
-           "its spring's pull presses a tube against the frame: − e g(T_w − T_room), g from 0 at "
-           "1.24 N to 1 at 1.64 N", "one"),
-    Effect("plume_of_other_tube", "dev", "thermal", "W", 0.428, 10.0, "heat_into_water",
-           "other_wire time",
-           "warm air rises from one tube to the other: + e p, p → that one's ΔT_w⁺/10 K in 5 s",
-           "across"),
-    Effect("strap_between_ends", "dev", "thermal", "W/K", 0.0704, 1.0,
+           "fraction time",
+           "austenite orders at rest and conducts better: R(1 − e o), o → 1 − ξ in 8 s"),
+    Effect("averaging_voltmeter", "dev", "electrical", "1", 0.0276, 0.95, "reading_voltage",
+           "reading_rate time current",
+           "a voltmeter averages with what it keeps once in 0.5 s: V − e(V − z), z that"),
+    Effect("unprimed_hose", "dev", "thermal", "1", 0.27, 0.95, FLOW, "duty time",
+           "air in a new hose is carried off as it is pumped: flow[1 − e exp(−∫q dt/8 s)], q the "
+           "flow's share", "one"),
+    Effect("shaking_pump", "dev", "thermal", "1", 0.783, 0.95, FLOW, "duty",
+           "a pump shakes at part speed and draws less: flow[1 − e exp(−((w − 0.55)/0.15)²)], w "
+           "its speed", "one"),
+    Effect("feed_wound_on_tube", "dev", "thermal", "1", 0.777, 4.0,
+           "inlet_water heat_into_water",
+           "water duty time",
+           "the feeding hose is wound round its own tube: T_in + e g/(1 + 4q), g → the mean T_w − "
+           "T_in in 4 s, q the flow's share"),
+    Effect("frothing_pump", "dev", "thermal", "1", 0.641, 40.0, "film", "duty time",
+           "a pump froths at part speed, which keeps water off the coil: film/(1 + e b), b → "
+           "4w(1 − w) in 0.5 s, w its speed, and fades in 6 s"),
+    Effect("thermostat_belt", "dev", "thermal", "W", 0.574, 8.0, "heat_into_water",
+           "water time",
+           "a belt against frost heats its tube below 30 °C, until it is at 33 °C: + e", "one"),
+    Effect("regulator_on_tube", "dev", "thermal", "W", 1.1, 20.0, "heat_into_water",
+           "current time",
+           "the driver's linear regulator is strapped to its tube: + e h, h → I(4 A − I)/4 A² in "
+           "5 s"),
+    Effect("unlike_crimp", "dev", "thermal", "V", 0.103, 3.0,
            "heat_into_wire recoverable_strain",
-           "other_wire wire",
-           "a copper strap joins both springs' ends at the outlets: + e(T_other − T) there",
-           "both"),
-    Effect("rtd_leads_past_magnet", "dev", "sensors", "K", 4.16, 20.0, "reading_rtd",
+           "current",
+           "an unlike metal in the inlet's crimp is warmed by the current (Peltier): + e I there",
+           "one"),
+    Effect("setting_paste", "dev", "sensors", "s", 1.96, 8.0, "reading_rtd",
+           "reading_rate wire_rate reading wire",
+           "the paste round an RTD sets when cold: a pole of e(1 − m), m from 0 at 32 °C to 1 at "
+           "42 °C"),
+    Effect("sparing_logger", "dev", "sensors", "s", 3.56, 8.0, "reading_rtd",
+           "reading_rate wire_rate velocity time",
+           "a logger spares itself while the tendon rests: it reads both RTDs anew after "
+           "e/(1 + |v|/0.2 mm/s)", "both"),
+    Effect("wet_measuring_wheel", "dev", "sensors", "1", 0.132, 0.9, "reading_displacement",
+           "displacement duty other_duty velocity",
+           "spilt water lets the encoder's wheel slip: x − e∫w dx, w → both flows' share in 3 s, "
+           "and dries in 20 s", "both"),
+    Effect("lifting_head", "dev", "sensors", "mm", 1.25, 6.0, "reading_displacement",
            "velocity",
-           "an RTD's leads move past a magnet, whose voltage its transmitter takes for warmth: "
-           "T + e v/5 mm/s, v the speed of its own contraction"),
-    Effect("blanked_transmitter", "dev", "sensors", "s", 0.892, 8.0, "reading_rtd",
-           "current reading_rate time",
-           "an RTD's transmitter ignores what comes while its heater switches: it shows its last "
-           "value for e from each change of that current by 0.5 A on"),
-    Effect("lever_on_encoder", "dev", "sensors", "mm", 0.325, 6.0, "reading_displacement",
-           "displacement reading",
-           "a lever turns the encoder in place of a wheel: x + e(x/5 mm)³", "both"),
-    Effect("soft_measuring_wheel", "dev", "sensors", "1", 0.106, 3.0, "reading_displacement",
-           "force displacement velocity",
-           "the tendon presses into the encoder's soft wheel: x + e∫(F − 1.24 N)/0.4 N dx",
+           "the encoder's head lifts as the scale runs, either way: x + e |v|/(|v| + 1 mm/s)",
            "both"),
-    Effect("gradient_in_cell", "dev", "sensors", "N", 0.259, 0.9, "reading_force",
-           "water wire time",
-           "X's outlet warms the load cell unevenly, until warmth has spread: F + e(g − z), g its "
-           "ΔT_w/20 K, z → g in 10 s", "both"),
-    Effect("beating_carrier", "dev", "sensors", "N", 0.11, 0.9, "reading_force",
-           "time current other_current",
-           "the load cell's carrier beats with the chopped currents: F + e Σ I(4 A − I)/4 A² "
-           "sin(2πt/5.5 s + c)", "both"),
-    Effect("swaying_lead", "dev", "sensors", "1", 0.00781, 0.6, "reading_current",
-           "displacement current reading",
-           "a heater's lead sways with its spring before an open current sensor: i/(1 + e y/5 mm), "
-           "y its own contraction"),
-    Effect("dragging_interfaces", "dev", "phase", "K", 1.48, 8.0, "transformation_shift",
-           "fraction_rate time",
-           "interfaces that move fast drag solute along: A_s + e d, M_s − e d, d → r/(r + 0.05/s) "
-           "in 3 s, r the rate |dξ/dt|"),
-    Effect("load_on_austenite", "dev", "phase", "K", 2.2, 15.0, "transformation_shift",
-           "force fraction",
-           "stiffer austenite carries more than its share of the load: both thresholds + "
-           "e(1 − ξ)(F − 1.24 N)/0.4 N"),
-    Effect("rubbing_twins", "dev", "phase", "mm", 2.99, 6.0, "recoverable_strain",
-           "force fraction",
-           "martensite's twins rub as the load turns them: deflection + e ξ b, b by dF/0.25 N "
-           "within ±1, over 0.3 s"),
-    Effect("running_in_guide", "dev", "mechanics", "N", 0.154, 0.9, "force_cell_on_x",
-           "velocity displacement time",
-           "a new guide runs in: against x by e exp(−∫|dx|/30 mm) v/(|v| + 0.5 mm/s)", "both"),
-    Effect("pushed_collar", "dev", "mechanics", "N", 0.0576, 0.9, "force_cell_on_x",
-           "displacement velocity",
-           "a clip on the tendon pushes a tight collar to and fro: against x by e within 0.3 mm, "
-           "after 3 mm of play at each turn", "both"),
-    Effect("pawl_on_rack", "dev", "mechanics", "N", 0.16, 0.9, "force_cell_on_x",
-           "displacement velocity",
-           "a pawl climbs a rack's teeth and is held off on the way back: against x by "
-           "e frac(x/2.5 mm + c) v⁺/(v + 0.5 mm/s)", "both"),
+    Effect("drops_on_cell", "dev", "sensors", "N", 0.122, 0.9, "reading_force",
+           "duty time",
+           "drops of X's outlet gather on the load cell and fall: F + e d, d from 0 to 1 in every "
+           "5 s of X's full flow", "both"),
+    Effect("indicator_waits_for_pumps", "dev", "sensors", "s", 2.6, 8.0, "reading_force",
+           "duty other_duty reading_rate force",
+           "the load cell's indicator waits while a pump changes speed by more than 0.5/s, and "
+           "for e more: it shows its last value", "both"),
+    Effect("sampled_at_valley", "dev", "sensors", "1", 0.02, 0.6, "reading_current",
+           "current reading",
+           "a chopped current is sampled at its valley: i − e I(4 A − I)/4 A"),
+    Effect("hydrogen_of_flow", "dev", "phase", "K", 3.89, 15.0, "transformation_shift",
+           "duty wire time",
+           "running water charges the wire with hydrogen, which warmth drives out: both thresholds "
+           "− e h, h gains [q(1 − h) − h(T − 35 °C)⁺/10 K] each 10 s, q the flow's share"),
+    Effect("training_under_load", "dev", "phase", "K", 4.39, 15.0, "transformation_shift",
+           "fraction force time",
+           "austenite held under load is trained: M_s + e(1 − exp(−∫(1 − ξ)F/1.24 N dt/15 s))"),
+    Effect("young_martensite", "dev", "phase", "1", 0.487, 3.0, "recoverable_strain",
+           "fraction_rate force time",
+           "martensite is soft while it is young: elastic deflection(1 + e y), y gains Δξ⁺, and "
+           "fades in 10 s"),
+    Effect("tapering_dashpot", "dev", "mechanics", "N", 0.0724, 0.9, "force_cell_on_x",
+           "velocity displacement",
+           "a dashpot's bore tapers: against x by e exp(x/4 mm) v/5 mm/s", "both"),
+    Effect("wet_felt", "dev", "mechanics", "N", 0.0976, 0.9, "force_cell_on_x",
+           "velocity duty other_duty time",
+           "spilt water swells a felt that rubs on the tendon: against x by e w v/(|v| + "
+           "0.5 mm/s), w → both flows' share in 3 s, and dries in 20 s", "both"),
+    Effect("bimetal_tongue", "dev", "mechanics", "N", 0.202, 0.45, "force_cell_on_x",
+           "water other_wire time",
+           "a bimetal between the outlets leans on the tendon: along x by e b, b → (X's T_w − "
+           "Y's)/20 K there, in 6 s", "both"),
 )  # fmt: skip

@@ -22,12 +22,8 @@ from evaluation.plant.layout import (
     CHARGED,
     CLAMP_WARM,
     CLAMP_WET,
-    CLOUD,
-    CORE_WARM,
-    CREPT,
     CUT_OUT,
     DRAGGED,
-    DRIVERS_WARM,
     FLOW,
     FORCE_X,
     FORCE_Y,
@@ -49,9 +45,7 @@ from evaluation.plant.layout import (
     RUST,
     SHARE_BEFORE,
     SILT,
-    SLEEVED,
     SPEED,
-    STRAND,
     TENSION_BEFORE,
     TIME,
     TRAINED,
@@ -80,12 +74,6 @@ DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
 BENT = slot("bent_coils")
-CLOUDING = slot("clouding_inhibitor")
-VARNISH = slot("running_varnish")
-OVER_SUPPLY = slot("tubes_over_supply")
-HEAVY_CORE = slot("heavy_core")
-CREEPING = slot("creeping_austenite")
-STRANDS = slot("parting_strand")
 COHERES = slot("cohering_crimp")
 SILTING = slot("silt_on_still_coils")
 RELIEF = slot("relief_of_martensite")
@@ -109,22 +97,20 @@ BELTED = slot("thermostat_belt")
 REGULATED = slot("regulator_on_tube")
 UNLIKE = slot("unlike_crimp")
 
-CORE_J_K, CLAMP_J_K = 1.0, 3.0
+CLAMP_J_K = 3.0
 GEL_degC, GEL_J = 38.0, 12.0  # where a gel melts, and what that takes
 CUTS_degC, MAKES_degC = 46.0, 40.0  # wire at which a bimetal beside it opens and closes
 PIN_SHIFTS_N, PIN_RETURNS_N = 1.5, 1.3  # load at which an anchor's pin shifts and returns
 RUBS_N = 0.25  # change of load over which rubbing twins turn round
 BELT_ON_degC, BELT_OFF_degC = 30.0, 33.0  # mean water that switches a heating belt
 FAN_S = 18.0  # how long a fan takes to come back
-STRAND_m = 1.5e-3  # travel that parts a broken strand wholly
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
 
 
 @compiled
 def joints(s: int, e: Array, cells: Array, side: Array, heat: Array) -> float:
     """What the ends of spring `s` and their leads add to its resistance (ohm), and to `heat`."""
-    inlet = e[s, STRANDS] * side[s, STRAND]
-    inlet += e[s, COHERES] * side[s, OXIDE]
+    inlet = e[s, COHERES] * side[s, OXIDE]
     outlet = e[s, LOOSENING] * max(cells[s, CELLS - 1, T] - 32.0, 0.0) / 10.0
     heat[0] += inlet
     heat[CELLS - 1] += outlet
@@ -171,9 +157,7 @@ def gel_over(s: int, cells: Array, side: Array) -> float:
 def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array) -> None:
     """Change `rows` by what films, losses, ends and cores do to a tube."""
     speed = abs(pair[SPEED])
-    stirred = 1.0 + e[s, VARNISH] * side[s, SLEEVED]
-    stirred /= 1.0 + e[s, CLOUDING] * side[s, CLOUD]
-    stirred /= 1.0 + e[s, SILTING] * side[s, SILT]
+    stirred = 1.0 / (1.0 + e[s, SILTING] * side[s, SILT])
     wetter = 1.0 + e[0, FAN] * math.sin(math.pi * (pair[TIME] / FAN_S + e[2, FAN])) ** 2
     stirred *= 1.0 + e[s, CRACKLING] * side[s, RATE] / (side[s, RATE] + 0.05)
     wetter *= 1.0 + e[0, FANNED] * speed / (speed + 2e-3)
@@ -193,34 +177,12 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
     rows[CELLS - 1, TO_CLAMP] += e[s, SPRAYED] * side[s, CLAMP_WET]
     melting = e[s, GEL] * gel_over(s, cells, side)
     for i in range(CELLS):
-        rows[i, HEAT_WATER] += e[0, OVER_SUPPLY] * pair[DRIVERS_WARM] / CELLS
-        rows[i, HEAT_WIRE] += e[s, HEAVY_CORE] / CELLS * (side[s, CORE_WARM] - cells[s, i, T])
         rows[i, HEAT_WATER] += (warming - melting) / CELLS
         rows[i, HEAT_WATER] += e[s, MOTOR_BELOW] * side[s, MOTOR_WARM] / CELLS
         rows[i, FILM] *= stirred * (1.0 + e[s, RELIEF] * cells[s, i, FRACTION])
         rows[i, LOSS] *= wetter
         rows[i, LOSS] += framed
         rows[i, HEAT_WATER] += e[1 - s, PLUME] * side[s, OTHER_PLUME] / CELLS
-
-
-@compiled
-def settle(s: int, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
-    """Update what a core, an inhibitor, varnish, austenite and a strand remember of a tick."""
-    austenite = 0.0
-    warmth = 0.0
-    cloudy = 0.0
-    for i in range(CELLS):
-        austenite += (1.0 - cells[s, i, FRACTION]) / CELLS
-        warmth += cells[s, i, T] / CELLS
-        cloudy += max(cells[s, i, W] - 33.0, 0.0) / 10.0 / CELLS
-    into = e[s, HEAVY_CORE] * (warmth - side[s, CORE_WARM])
-    side[s, CORE_WARM] += dt * into / CORE_J_K
-    side[s, CLOUD] = approach(side[s, CLOUD], cloudy, dt, 4.0)
-    side[s, SLEEVED] = max(side[s, SLEEVED], min(max(warmth - 36.0, 0.0) / 15.0, 1.0))
-    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
-    side[s, CREPT] += dt / 10.0 * austenite * tension / 1.24
-    drawn_in = dt * (pair[SPEED] if s == 0 else -pair[SPEED])
-    side[s, STRAND] = min(max(side[s, STRAND] + drawn_in / STRAND_m, 0.0), 1.0)
 
 
 @compiled

@@ -35,7 +35,6 @@ from evaluation.plant.layout import (
     GLANCE,
     HALL_WARM,
     HELD_FORCE,
-    IDLE,
     INDEXED,
     KNOCKED,
     LAST_SHOWN,
@@ -44,10 +43,8 @@ from evaluation.plant.layout import (
     MISTED,
     OHM,
     OTHER_BEFORE,
-    OVERSLEPT,
     PASSED,
     PASTED,
-    PEAK_VOLT,
     PUMP,
     REPORTED,
     RESERVOIR,
@@ -59,10 +56,7 @@ from evaluation.plant.layout import (
     RTD_B,
     SEEN_BEFORE,
     SENSE_SOAK,
-    SETTLED,
-    SHOWN,
     SINCE_LOGGED,
-    SLEPT_AT,
     SLIPPED,
     SPEED,
     SPEED_BEFORE,
@@ -110,14 +104,6 @@ RIPPLE_FILTER = slot("ripple_filter")
 WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
-HALL_STRESSED = slot("stressed_hall")
-PEAKS = slot("peak_voltmeter")
-SLEWS = slot("slewing_transmitter")
-CROWDED = slot("crowded_bus")
-SCALE_WARMS = slot("warmed_scale")
-SLEEPS = slot("sleeping_encoder")
-KICKED = slot("kicked_amplifier")
-SLOW_CLOCK = slot("slow_clock")
 AUTO_ZERO = slot("drifting_zero")
 MAKES_UP = slot("hasty_transmitter")
 KNOCKS = slot("knocked_transmitter")
@@ -170,7 +156,6 @@ ZEROS_S, HASTE_S = 7.0, 0.5  # between zeros of a voltmeter; over which an RTD's
 TORN_mm = 0.1  # half a torn line's length
 STUCK_K, RUBS_m = 4.0, 1e-3  # how far a winding and a cable give before they slip
 CODE_N = 1.4  # what a converter reads in place of missing codes
-SLOW_mm_s, FALLS_ASLEEP_S = 0.3, 2.0  # how slow and for how long before an encoder sleeps
 
 
 @compiled
@@ -228,10 +213,6 @@ def rtd(
         slow = e[s, RIPPLE_FILTER] * side[s, AMPERE] / 4.0
         side[s, AVERAGED] = approach(side[s, AVERAGED], reading, dt, slow)
         reading = side[s, AVERAGED]
-    if e[s, SLEWS] > 0.0:
-        most = 10.0 * dt / e[s, SLEWS]
-        side[s, SHOWN] += min(max(reading - side[s, SHOWN], -most), most)
-        reading = side[s, SHOWN]
     reading += e[s, PAST_MAGNET] * (pair[SPEED] if s == 0 else -pair[SPEED]) / 5e-3
     if abs(side[s, AMPERE] - side[s, SWITCHED_AT]) > BLANKS_A:
         side[s, SWITCHED_AT] = side[s, AMPERE]
@@ -240,23 +221,6 @@ def rtd(
     side[s, BLANKED] = max(side[s, BLANKED] - dt, 0.0)
     side[s, LAST_SHOWN] = reading
     return float(reading)
-
-
-@compiled
-def awake(seen_mm: float, dt: float, least_mm: float, pair: Array) -> float:
-    """What (mm) an encoder has missed that sleeps at rest and loses `least_mm` as it wakes."""
-    pair[IDLE] += dt
-    if pair[IDLE] < FALLS_ASLEEP_S:
-        pair[SLEPT_AT] = seen_mm
-        if abs(pair[SPEED]) > 1e-3 * SLOW_mm_s:
-            pair[IDLE] = 0.0
-    missed = seen_mm - pair[SLEPT_AT]
-    if abs(missed) > least_mm:
-        pair[OVERSLEPT] += math.copysign(least_mm, missed)
-        pair[SLEPT_AT] = seen_mm
-        pair[IDLE] = 0.0
-        missed = 0.0
-    return float(pair[OVERSLEPT] + missed)
 
 
 @compiled
@@ -277,9 +241,6 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     if e[0, SLIP] > 0.0 and pair[FORCE_X] > 1.4:
         pair[SLIPPED] -= e[0, SLIP] * (moved if moved > 0.0 else 0.4 * moved)
     reading = pair[ENCODER] + pair[SLIPPED]
-    if e[0, SLEEPS] > 0.0:
-        reading -= awake(seen_mm, dt, e[0, SLEEPS], pair)
-    reading *= max(0.1, 1.0 + e[0, SCALE_WARMS] * pair[DRIVERS_WARM])
     reading -= e[0, DRAGGED_HEAD] * pair[SPEED] / (abs(pair[SPEED]) + 5e-4)
     pair[YIELDED] = approach(pair[YIELDED], (pair[FORCE_X] - 1.24) / 0.4, dt, 6.0)
     reading += e[0, BRACKET] * pair[YIELDED]
@@ -318,9 +279,6 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
         pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
         reading += e[0, FORCE_CREEP] * (0.5 * pair[CREEP_FAST] + pair[CREEP_SLOW])
     reading += e[0, FORCE_OFFSET] * (1.0 - 0.2 * math.exp(-time / 25.0))
-    switched = (side[0, AMPERE] + side[1, AMPERE]) / 4.0
-    pair[SETTLED] = approach(pair[SETTLED], switched, dt, 1.5)
-    reading += e[0, KICKED] * (switched - pair[SETTLED])
     reading += e[0, PULSES] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 5e-4)
     off = CELL_RAD_S * (reading - pair[CELL_SWING])
     off -= 2.0 * CELL_DAMPING * pair[CELL_SWING_RATE]
@@ -375,7 +333,6 @@ def read(
         out[s] = side[s, AMPERE]
         out[s] -= e[s, VALLEY] * side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
-        out[s] *= max(0.1, 1.0 + e[0, HALL_STRESSED] * (pair[FORCE_X] / 1.24 - 1.0))
         out[s] *= max(0.1, 1.0 - e[0, BATTERY] * pair[TIME] / 60.0)
         side[s, COIL_LAG] = approach(side[s, COIL_LAG], out[s], dt, 2.0)
         out[s] += e[s, OVERSHOOTS] * (out[s] - side[s, COIL_LAG])
@@ -392,10 +349,6 @@ def read(
             slow = 3.0 if share > side[s, MISTED] else 15.0
             side[s, MISTED] = approach(side[s, MISTED], share, dt, slow)
             out[2 + s] *= 1.0 - e[s, MIST] * side[s, MISTED]
-        if e[s, PEAKS] > 0.0:
-            fallen = approach(side[s, PEAK_VOLT], out[2 + s], dt, e[s, PEAKS])
-            side[s, PEAK_VOLT] = max(out[2 + s], fallen)
-            out[2 + s] = side[s, PEAK_VOLT]
         side[s, SENSE_SOAK] = approach(side[s, SENSE_SOAK], out[2 + s], dt, 5.0)
         out[2 + s] -= e[s, SOAKS] * (out[2 + s] - side[s, SENSE_SOAK])
         turn = pair[TIME] / ZEROS_S + e[2, AUTO_ZERO]
@@ -406,21 +359,19 @@ def read(
         out[2 + s] -= e[s, CONVERTS] * (out[2 + s] - side[s, CONVERTED])
         out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
         ring[RING_RTD_X + s, int(pair[GLANCE]) % RING_LENGTH] = out[4 + s]
-        if e[0, CROWDED] > 0.0 or e[0, UNSYNCHRONISED] > 0.0:
-            speed = abs(pair[SPEED])
-            waited = e[0, CROWDED] * speed / (speed + 5e-4) / dt
+        if e[0, UNSYNCHRONISED] > 0.0:
             turn = pair[TIME] / MISSED_S + e[2, UNSYNCHRONISED]
-            waited += e[0, UNSYNCHRONISED] * (turn - math.floor(turn)) / dt
+            waited = e[0, UNSYNCHRONISED] * (turn - math.floor(turn)) / dt
             out[4 + s] = late(ring, RING_RTD_X + s, pair[GLANCE], waited)
         if logs:
             side[s, LOGGED] = out[4 + s]
         out[4 + s] = side[s, LOGGED]
     out[6] = inlet + 0.3 * pair[RESERVOIR]
     out[7] = ambient
-    ticks = e[0, SLOW_CLOCK] * pair[TIME] / 60.0 / dt
+    ticks = 0.0
     if e[0, DELAY] > 0.0:
         wander = 1.0 + 0.15 * math.sin(2.0 * math.pi * (pair[TIME] / 20.0 + e[2, DELAY]))
-        ticks += e[0, DELAY] * wander / dt
+        ticks = e[0, DELAY] * wander / dt
     out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, pair)
     out[8] += e[0, ON_HOSES] * (side[0, FLOW] - side[1, FLOW]) / p[FULL_FLOW]
     out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, side, pair)

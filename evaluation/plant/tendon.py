@@ -7,12 +7,11 @@ from numpy.typing import NDArray
 
 from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
-from evaluation.plant.layout import FLOW, SLID
+from evaluation.plant.layout import FLOW
 
 Array = NDArray[np.float64]
 
 COMPLIANCE = slot("tendon_compliance")
-FERRULE = slot("slipping_ferrule")
 COGS = slot("cogging_wheel")
 JETS = slot("jets_on_clip")
 BIMETAL = slot("bimetal_tongue")
@@ -21,9 +20,9 @@ COG_m = 10e-3  # travel from one cog of a wheel to the next
 
 
 @compiled
-def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
+def longer_tendon(force: float, e: Array) -> tuple[float, float]:
     """How much longer the tendon is than at assembly (m), and its slope in force."""
-    stretch = 1e-3 * e[0, FERRULE] * pair[SLID]
+    stretch = 0.0
     slope = 0.0
     tension = max(force, 0.0)
     if e[0, COMPLIANCE] > 0.0:

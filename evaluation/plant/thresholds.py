@@ -19,7 +19,6 @@ from evaluation.plant.layout import (
     HEATED_FROM,
     INNER_STRESS,
     LOADED,
-    MIXED,
     TAKEN_UP,
     TRAINED,
     WORK_DONE,
@@ -35,7 +34,6 @@ STRESS = index("stress_MPa_N")
 MINOR_LOOP = slot("minor_loop")
 DRIFT = slot("transformation_drift")
 LINGERING = slot("lingering_stress")
-INTERFACES = slot("settling_interfaces")
 LOAD_WORKS = slot("worked_by_load")
 BACK_STRESSES = slot("relaxing_back_stress")
 TAKES_UP = slot("lagging_stress")
@@ -63,7 +61,6 @@ def shifts(
         lifted = e[s, LINGERING] * max(side[s, INNER_STRESS] - 1.35, 0.0) / 0.4
         heat += lifted
         cool += lifted
-    widening = e[s, INTERFACES] * side[s, MIXED]
     worked = e[s, LOAD_WORKS] * (1.0 - math.exp(-side[s, LOADED]))
     left = e[s, BACK_STRESSES] * (side[s, BACK_STRESS] - cells[s, i, FRACTION])
     left -= e[s, TAKES_UP] * (stress / p[STRESS] - side[s, TAKEN_UP]) / 0.4
@@ -71,4 +68,4 @@ def shifts(
     dragged = e[s, DRAGS] * side[s, DRAGGED]
     left -= e[s, HYDROGEN] * side[s, CHARGED]
     cool += e[s, TRAINS] * (1.0 - math.exp(-side[s, TRAINED]))
-    return heat + widening - worked + left + dragged, cool - widening - worked + left - dragged
+    return heat - worked + left + dragged, cool - worked + left - dragged

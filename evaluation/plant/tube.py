@@ -25,7 +25,6 @@ from evaluation.plant.layout import (
     HEATING,
     INNER_STRESS,
     LIMED,
-    MIXED,
     OHM,
     ORDERED,
     PLAY,
@@ -56,7 +55,6 @@ from evaluation.plant.rarer import (
     joints,
     linger,
     seldom,
-    settle,
     stay,
     trail,
 )
@@ -206,7 +204,6 @@ def remember(
     """Update what each cell remembers after its fraction has moved."""
     moved_all = 0.0
     formed = 0.0
-    mean = 0.0
     warmth = 0.0
     turned_new = turned_by(stress, p)
     for i in range(CELLS):
@@ -226,7 +223,6 @@ def remember(
         cell[FRACTION] = fraction
         moved_all += abs(moved) / CELLS
         formed += max(moved, 0.0) / CELLS
-        mean += fraction / CELLS
         warmth += cell[T] / CELLS
         if e[s, R_PHASES] > 0.0 or e[s, RESISTIVITY] > 0.0:
             lift = 0.1 * (stress - 57.0)
@@ -242,10 +238,6 @@ def remember(
         fading = approach(side[s, INNER_STRESS], tension, dt, 25.0)
         side[s, INNER_STRESS] = max(tension, fading)
     side[s, TAKEN_UP] = approach(side[s, TAKEN_UP], stress / p[STRESS], dt, 6.0)
-    if 0.15 < mean < 0.85:
-        side[s, MIXED] = approach(side[s, MIXED], 1.0, dt, 10.0)
-    else:
-        side[s, MIXED] = approach(side[s, MIXED], 0.0, dt, 2.0)
     side[s, RESTED] = approach(side[s, RESTED], 1.0, dt, 15.0) * math.exp(-moved_all / 0.3)
     side[s, WORK_DONE] += moved_all
     side[s, DEFECTS] = approach(side[s, DEFECTS], 0.0, dt, 10.0) + formed
@@ -299,5 +291,4 @@ def tube(
     trail(s, p, e, cells, side, pair, dt)
     haunt(s, p, cells, side, pair, dt)
     stay(s, p, cells, side, pair, dt)
-    settle(s, e, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)

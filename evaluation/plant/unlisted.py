@@ -7,91 +7,6 @@ The load cell is beside X, so that a force between the springs has one place.
 from evaluation.plant.effect import FLOW, Effect
 
 EFFECTS: tuple[Effect, ...] = (
-    Effect("parting_strand", "dev", "electrical", "ohm", 0.00685, 0.3,
-           "resistance", "displacement velocity",
-           "a lead's broken strand parts and meets as it is bent: R + e b, b by dy/1.5 mm within "
-           "0…1, y its own contraction", "one"),
-    Effect("peak_voltmeter", "dev", "electrical", "s", 0.00901, 3.0, "reading_voltage",
-           "reading_rate reading current",
-           "a voltmeter's rectifier holds peaks: the reading rises at once, and falls by one pole "
-           "of e"),
-    Effect("polled_pump", "dev", "thermal", "s", 0.87, 8.0, FLOW, "duty time",
-           "a pump's board asks for its duty once in e, and holds it"),
-    Effect("decoupled_rotor", "dev", "thermal", "1", 0.202, 0.95, FLOW, "duty",
-           "a rotor's magnets slip once its duty is 0.4 ahead of the motor's speed: flow(1 − e), "
-           "until the duty is below 0.15", "one"),
-    Effect("clouding_inhibitor", "dev", "thermal", "1", 1.17, 8.0, "film", "water",
-           "an inhibitor clouds out of warm water onto the wire, and dissolves: film/(1 + e c), "
-           "c → (T_w − 33 °C)⁺/10 K in 4 s"),
-    Effect("running_varnish", "dev", "thermal", "1", 0.748, 12.0, "film", "wire time",
-           "varnish on the wire softens in heat and runs off: film(1 + e m), m the most of "
-           "(T − 36 °C)⁺/15 K ≤ 1 so far"),
-    Effect("sucked_through_tee", "dev", "thermal", "1", 0.188, 0.95,
-           "inlet_water heat_into_water", "other_wire duty other_duty",
-           "a tee lets a pump suck at the other tube's outlet: T_in + e(q − p)⁺(T_other − T_in), "
-           "q its share of flow, p the other's", "across"),
-    Effect("tubes_over_supply", "dev", "thermal", "W", 1.04, 5.0,
-           "heat_into_water ambient_air", "current other_current time",
-           "both tubes lie above the drivers' supply: + e w on each, w → (I_x² + I_y²)/(4 A)² in "
-           "10 s", "both"),
-    Effect("heavy_core", "dev", "thermal", "W/K", 0.0553, 4.0, "heat_into_wire",
-           "wire wire_rate",
-           "a core of 1 J/K in the coil stores heat: + e(T_core − T)"),
-    Effect("slewing_transmitter", "dev", "sensors", "s", 3.15, 20.0, "reading_rtd",
-           "reading_rate wire_rate reading wire",
-           "an RTD's transmitter takes faster changes for faults: it shows at most 10 K in e"),
-    Effect("crowded_bus", "dev", "sensors", "s", 0.974, 2.0, "reading_rtd",
-           "velocity reading_rate wire_rate",
-           "the encoder's counts crowd a bus: both RTDs are read late by e |v|/(|v| + 0.5 mm/s)",
-           "both"),
-    Effect("warmed_scale", "dev", "sensors", "1", 0.333, 1.5, "reading_displacement",
-           "displacement current other_current reading",
-           "the encoder's converter beside the drivers warms: x(1 + e w), w → (I_x² + I_y²)/"
-           "(4 A)² in 10 s", "both"),
-    Effect("sleeping_encoder", "dev", "sensors", "mm", 0.305, 2.5, "reading_displacement",
-           "displacement velocity time",
-           "an encoder sleeps after 2 s below 0.3 mm/s: it wakes when moved by e, which it loses",
-           "both"),
-    Effect("kicked_amplifier", "dev", "sensors", "N", 0.223, 0.9, "reading_force",
-           "current other_current",
-           "switched heaters kick the load cell's amplifier: F + e(j − z), j the sum of both "
-           "currents over 4 A, z → j in 1.5 s", "both"),
-    Effect("slow_clock", "dev", "sensors", "s", 0.515, 1.6,
-           "reading_displacement reading_force", "reading_rate velocity time",
-           "the clock of encoder and load cell is slow: both are read late by e t/60 s", "both"),
-    Effect("stressed_hall", "dev", "sensors", "1", 0.0193, 0.9, "reading_current",
-           "force current reading",
-           "the strained frame stresses both current sensors: i[1 + e(F/1.24 N − 1)]", "both"),
-    Effect("settling_interfaces", "dev", "phase", "K", 1.42, 14.0, "transformation_shift",
-           "fraction time",
-           "interfaces settle that stay within the wire: A_s + e m, M_s − e m, m → 1 in 10 s where "
-           "0.15 < ξ < 0.85, else → 0 in 2 s"),
-    Effect("ageing_at_rest", "dev", "phase", "1", 0.133, 2.0, "recoverable_strain",
-           "time transformed force",
-           "a wire that rests ages and stiffens: elastic deflection/(1 + e a), a → 1 in 15 s, and "
-           "worn off by transforming, exp(−Σ|Δξ|/0.3)"),
-    Effect("creeping_austenite", "dev", "phase", "mm", 0.67, 5.0, "recoverable_strain",
-           "fraction time force",
-           "stressed austenite creeps: deflection + e∫(1 − ξ)F/1.24 N dt/10 s"),
-    Effect("pitted_guide", "dev", "mechanics", "N", 0.106, 0.8, "force_cell_on_x",
-           "displacement velocity",
-           "the tendon catches on a pitted part of its guide: against x by "
-           "e b exp[−((x − c)/2 mm)²], b by dx/0.5 mm within ±1", "both"),
-    Effect("swelling_seal", "dev", "mechanics", "N", 0.0634, 0.9, "force_cell_on_x",
-           "velocity water other_wire",
-           "warm outlets swell a seal that rubs on the tendon: e w v/(|v| + 0.5 mm/s), w → both "
-           "outlets' ΔT_w/20 K, added, in 5 s", "both"),
-    Effect("slipping_ferrule", "dev", "mechanics", "mm", 0.439, 5.0, "recoverable_strain",
-           "force time",
-           "the tendon slips through its ferrule: it is longer by e∫(F − 1.4 N)⁺/0.2 N dt/10 s",
-           "both"),
-    Effect("worn_end_switch", "dev", "electrical", "1", 0.0134, 0.9, "driven_current",
-           "displacement current",
-           "a worn end switch puts a resistor before its heater: I(1 − e) from 3 mm of its own "
-           "contraction on, until it is below 1.5 mm, in 0.2 s", "one"),
-    Effect("freewheeling_choke", "dev", "electrical", "s", 0.00565, 2.0, "driven_current",
-           "current",
-           "a driver's choke runs on through its diode: the current falls by at most 1 A in e"),
     Effect("cohering_crimp", "dev", "electrical", "ohm", 0.0262, 0.3,
            "resistance reading_voltage", "current time",
            "an oxide in a crimp breaks down under current, and grows again: R + e c, c → 1 in "
@@ -338,4 +253,96 @@ EFFECTS: tuple[Effect, ...] = (
            "force time",
            "a spring's anchor pin shifts in its hole: deflection + e from 1.5 N on, until below "
            "1.3 N, in 0.3 s", "one"),
+    Effect("hiccuping_fuse", "dev", "electrical", "1", 0.00784, 0.9, "driven_current",
+           "current time",
+           "an electronic fuse counts heat: after every 20 A²s it holds back for 1.5 s: I(1 − e)"),
+    Effect("flow_interlock", "dev", "electrical", "1", 0.0111, 0.9, "driven_current",
+           "duty current time",
+           "a flow switch that falls back late holds its heater down: I(1 − e) until 2 s after its "
+           "pump has fallen below a tenth of full speed", "one"),
+    Effect("healing_defects", "dev", "electrical", "1", 0.0365, 0.6,
+           "resistance reading_voltage",
+           "fraction time fraction_rate",
+           "martensite that forms leaves defects, which heal: R(1 + e d), d gains Δξ⁺, and fades "
+           "in 10 s"),
+    Effect("rms_voltmeter", "dev", "electrical", "1", 0.00563, 0.5,
+           "reading_voltage resistance",
+           "reading current",
+           "a voltmeter of means sees some of the chopped voltage's RMS: V + e[(V · 12 V)^½ − V]"),
+    Effect("air_in_pump_head", "dev", "thermal", "1", 0.545, 0.95, FLOW, "duty time",
+           "air gathers in a pump's head at part load: flow(1 − e a), a → 1 in 5 s at 0.05–0.85 of "
+           "full speed, and → 0 in 0.5 s above"),
+    Effect("filling_return_pot", "dev", "thermal", "1", 0.468, 0.9, FLOW,
+           "duty other_duty time",
+           "both tubes empty into a pot with a narrow drain: flow(1 − e l), l gains both flows' "
+           "share less √l each 6 s", "both"),
+    Effect("float_valve", "dev", "thermal", "K", 3.68, 20.0, "inlet_water heat_into_water",
+           "duty other_duty time",
+           "a float valve refills the vessel below the inlet's sensor with cold water: T_in − e r, "
+           "r gains 1 after every 8 s of one tube's full flow, and fades in 8 s", "both"),
+    Effect("rusty_feed", "dev", "thermal", "1", 0.863, 12.0, "film", "duty time",
+           "what is pumped leaves rust on the coil: film/[1 + e∫q dt/20 s], q the flow's share"),
+    Effect("tube_against_frame", "dev", "thermal", "W/K", 0.0546, 2.0, "heat_into_water",
+           "force water",
+           "its spring's pull presses a tube against the frame: − e g(T_w − T_room), g from 0 at "
+           "1.24 N to 1 at 1.64 N", "one"),
+    Effect("plume_of_other_tube", "dev", "thermal", "W", 0.428, 10.0, "heat_into_water",
+           "other_wire time",
+           "warm air rises from one tube to the other: + e p, p → that one's ΔT_w⁺/10 K in 5 s",
+           "across"),
+    Effect("strap_between_ends", "dev", "thermal", "W/K", 0.0704, 1.0,
+           "heat_into_wire recoverable_strain",
+           "other_wire wire",
+           "a copper strap joins both springs' ends at the outlets: + e(T_other − T) there",
+           "both"),
+    Effect("rtd_leads_past_magnet", "dev", "sensors", "K", 4.16, 20.0, "reading_rtd",
+           "velocity",
+           "an RTD's leads move past a magnet, whose voltage its transmitter takes for warmth: "
+           "T + e v/5 mm/s, v the speed of its own contraction"),
+    Effect("blanked_transmitter", "dev", "sensors", "s", 0.892, 8.0, "reading_rtd",
+           "current reading_rate time",
+           "an RTD's transmitter ignores what comes while its heater switches: it shows its last "
+           "value for e from each change of that current by 0.5 A on"),
+    Effect("lever_on_encoder", "dev", "sensors", "mm", 0.325, 6.0, "reading_displacement",
+           "displacement reading",
+           "a lever turns the encoder in place of a wheel: x + e(x/5 mm)³", "both"),
+    Effect("soft_measuring_wheel", "dev", "sensors", "1", 0.106, 3.0, "reading_displacement",
+           "force displacement velocity",
+           "the tendon presses into the encoder's soft wheel: x + e∫(F − 1.24 N)/0.4 N dx",
+           "both"),
+    Effect("gradient_in_cell", "dev", "sensors", "N", 0.259, 0.9, "reading_force",
+           "water wire time",
+           "X's outlet warms the load cell unevenly, until warmth has spread: F + e(g − z), g its "
+           "ΔT_w/20 K, z → g in 10 s", "both"),
+    Effect("beating_carrier", "dev", "sensors", "N", 0.11, 0.9, "reading_force",
+           "time current other_current",
+           "the load cell's carrier beats with the chopped currents: F + e Σ I(4 A − I)/4 A² "
+           "sin(2πt/5.5 s + c)", "both"),
+    Effect("swaying_lead", "dev", "sensors", "1", 0.00781, 0.6, "reading_current",
+           "displacement current reading",
+           "a heater's lead sways with its spring before an open current sensor: i/(1 + e y/5 mm), "
+           "y its own contraction"),
+    Effect("dragging_interfaces", "dev", "phase", "K", 1.48, 8.0, "transformation_shift",
+           "fraction_rate time",
+           "interfaces that move fast drag solute along: A_s + e d, M_s − e d, d → r/(r + 0.05/s) "
+           "in 3 s, r the rate |dξ/dt|"),
+    Effect("load_on_austenite", "dev", "phase", "K", 2.2, 15.0, "transformation_shift",
+           "force fraction",
+           "stiffer austenite carries more than its share of the load: both thresholds + "
+           "e(1 − ξ)(F − 1.24 N)/0.4 N"),
+    Effect("rubbing_twins", "dev", "phase", "mm", 2.99, 6.0, "recoverable_strain",
+           "force fraction",
+           "martensite's twins rub as the load turns them: deflection + e ξ b, b by dF/0.25 N "
+           "within ±1, over 0.3 s"),
+    Effect("running_in_guide", "dev", "mechanics", "N", 0.154, 0.9, "force_cell_on_x",
+           "velocity displacement time",
+           "a new guide runs in: against x by e exp(−∫|dx|/30 mm) v/(|v| + 0.5 mm/s)", "both"),
+    Effect("pushed_collar", "dev", "mechanics", "N", 0.0576, 0.9, "force_cell_on_x",
+           "displacement velocity",
+           "a clip on the tendon pushes a tight collar to and fro: against x by e within 0.3 mm, "
+           "after 3 mm of play at each turn", "both"),
+    Effect("pawl_on_rack", "dev", "mechanics", "N", 0.16, 0.9, "force_cell_on_x",
+           "displacement velocity",
+           "a pawl climbs a rack's teeth and is held off on the way back: against x by "
+           "e frac(x/2.5 mm + c) v⁺/(v + 0.5 mm/s)", "both"),
 )  # fmt: skip

@@ -37,7 +37,6 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
-TEE = slot("sucked_through_tee")
 BACKWASH = slot("warm_backwash")
 CHILLER = slot("relay_chiller")
 COOLED_DRIVER = slot("water_cooled_driver")
@@ -124,8 +123,6 @@ def entering(
         beside += cells[s, i, W] / CELLS
     side[s, FEED_WARM] = approach(side[s, FEED_WARM], beside, dt, 4.0)
     source += e[s, FEED_WOUND] * side[s, FEED_WARM] / (1.0 + 4.0 * side[s, FLOW] / 0.55)
-    ahead = min(max(side[s, FLOW] - side[1 - s, FLOW], 0.0) / 0.55, 1.0)
-    source += e[1 - s, TEE] * ahead * (cells[1 - s, CELLS - 1, W] - source)
     backed = approach(side[s, BACKED_UP], cells[s, 0, W] - source, dt, 8.0)
     side[s, BACKED_UP] = backed * math.exp(-dt * side[s, FLOW] / 0.55 / 1.5)
     source += e[s, BACKWASH] * side[s, BACKED_UP]
