@@ -15,12 +15,15 @@ from evaluation.plant.layout import (
     AMPERE,
     COUNTED,
     CUT_OUT,
+    DUTY_BEFORE,
     FLOW,
     FUSE_WARM,
     GLANCE,
     HEAD_AIR,
     HELD_BACK,
     HELD_DOWN,
+    INRUSH,
+    KICK,
     LAG_A,
     LAG_B,
     LAG_C,
@@ -37,6 +40,7 @@ from evaluation.plant.layout import (
     SPILT,
     SPIN,
     SPIN_RATE,
+    THROTTLE,
     TIME,
     TIRED,
     WOUND,
@@ -80,6 +84,10 @@ VARIAC = slot("play_in_variac")
 CALIBRATES = slot("calibrating_driver")
 UNPRIMED = slot("unprimed_hose")
 SHAKES = slot("shaking_pump")
+INRUSH_LIMIT = slot("inrush_limiter")
+REFERENCE = slot("settling_reference")
+THROTTLE_PLAY = slot("play_in_throttle")
+KICKS = slot("kick_started_pump")
 
 CURRENT_LIMIT_A = 4.0
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
@@ -124,6 +132,9 @@ def current(
     turn = pair[TIME] / CALIBRATES_S + e[2, CALIBRATES]
     if turn - math.floor(turn) < 1.0 / CALIBRATES_S:
         i *= 1.0 - min(e[s, CALIBRATES], 0.9)
+    side[s, INRUSH] = approach(side[s, INRUSH], (side[s, AMPERE] / 4.0) ** 2, dt, 3.0)
+    i *= 1.0 - min(e[s, INRUSH_LIMIT], 0.9) / (1.0 + 8.0 * side[s, INRUSH])
+    i *= 1.0 + e[s, REFERENCE] * math.exp(-pair[TIME] / 12.0)
     if e[s, DRIVER_GAIN] != 0.0:
         i *= 1.0 + e[s, DRIVER_GAIN] * (1.0 - 0.08 * i)
     if e[s, SATURATION] > 0.0:
@@ -170,6 +181,8 @@ def _pump_speed(
 ) -> float:
     dead = e[s, DEAD_TIME]
     duty = late(ring, RING_DUTY_X + s, pair[GLANCE], dead / dt)
+    side[s, KICK] = approach(side[s, KICK], 0.0, dt, 1.5) + max(duty - side[s, DUTY_BEFORE], 0.0)
+    side[s, DUTY_BEFORE] = duty
     side[s, PUMP] = approach(side[s, PUMP], duty, dt, p[PUMP_LAG])
     if dead <= 0.0:
         side[s, SPIN] = side[s, PUMP]
@@ -186,6 +199,10 @@ def _pump_speed(
 def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) -> float:
     """Heat capacity rate (W/K) of the water through tube `s`."""
     share = _pump_speed(s, p, e, side, pair, ring, dt)
+    share += e[s, KICKS] * side[s, KICK]
+    half = 0.5 * e[s, THROTTLE_PLAY]
+    side[s, THROTTLE] = min(max(side[s, THROTTLE], share - half), share + half)
+    share = side[s, THROTTLE]
     share = max(share - e[s, CRACKING], 0.0)
     drawn_in = pair[X] if s == 0 else -pair[X]
     share *= max(1.0 - e[s, LIFTED] * drawn_in / 5e-3, 0.0)

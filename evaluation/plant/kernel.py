@@ -34,6 +34,7 @@ from evaluation.plant.layout import (
     I_X,
     INLET,
     LAST_SHOWN,
+    LATE_SET,
     LOGGED,
     LUCK_X,
     OHM,
@@ -134,6 +135,7 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, RUBBED_BEFORE] = 1.2
     side[:, PASTED] = water_degC
     side[:, LOGGED] = water_degC
+    side[:, LATE_SET] = 1.0
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
     pair[FORCE_X] = pair[FORCE_Y] = pair[CELL_SWING] = pair[HELD_FORCE] = 1.2
     quiet = np.zeros(8)

@@ -110,8 +110,15 @@ CELL_WIDTH = PLAY + PLAYS
     SPEED_BEFORE,
     TRAINED,
     CHARGED,
+    INRUSH,
+    THROTTLE,
+    KICK,
+    DUTY_BEFORE,
+    SLIME,
+    BLOWN,
+    LATE_SET,
     SIDE_WIDTH,
-) = range(89)
+) = range(96)
 
 (
     TIME,
@@ -155,8 +162,11 @@ CELL_WIDTH = PLAY + PLAYS
     WAITS,
     HELD_FORCE,
     TONGUE,
+    MIXER,
+    DUMMY,
+    KNOT,
     PAIR_WIDTH,
-) = range(42)
+) = range(45)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

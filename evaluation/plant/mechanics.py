@@ -28,7 +28,10 @@ from evaluation.plant.layout import (
     FREE_STRAIN,
     FRICTION,
     GROWN,
+    KNOT,
+    LATE_SET,
     PIN,
+    PUMP,
     R_PHASE,
     RATE,
     RUN_IN,
@@ -90,6 +93,8 @@ PAWL = slot("pawl_on_rack")
 YOUNG = slot("young_martensite")
 TAPERING = slot("tapering_dashpot")
 FELT = slot("wet_felt")
+LATE_STRAIN = slot("late_strain")
+PADDLE = slot("paddle_in_water")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
@@ -122,6 +127,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     side[s, GROWN] += 1e-3 * e[s, PRESSURE] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
     side[s, GROWN] += 1e-3 * e[s, TWINS_FOLLOW] * side[s, TWINS]
     side[s, GROWN] += 1e-3 * e[s, TWINS_RUBBING] * martensite * side[s, TWINS_RUB]
+    side[s, GROWN] += 1e-3 * e[s, LATE_STRAIN] * (side[s, LATE_SET] - martensite)
     side[s, GROWN] += 1e-3 * (e[s, SHIFTS] * side[s, PIN] - e[s, REMNANTS] * reverted)
     side[s, GROWN] -= 1e-3 * (e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, MOBILE] > 0.0:
@@ -247,6 +253,9 @@ def resisting(
     heavy = e[0, HEAVY] / GAIN_m_s2 / dt
     total += braking * (x - before) + heavy * ((x - before) / dt - pair[SPEED])
     slope += braking + heavy / dt
+    v = (x - before) / dt / 5e-3
+    total += e[0, PADDLE] * v * abs(v)
+    slope += 2.0 * e[0, PADDLE] * abs(v) / dt / 5e-3
     if x > before:
         total += e[0, LEAF] * (x - before) / dt / 5e-3
         slope += e[0, LEAF] / dt / 5e-3
@@ -273,7 +282,7 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         soften(s, p, e, cells, side)
     for _ in range(30):
         force_y, slope_y = pull(1, 0.5 * p[SPAN] + x, force_y, p, e, cells, side)
-        longer, slope_t = longer_tendon(force_y, e)
+        longer, slope_t = longer_tendon(force_y, e, pair)
         away = 0.5 * p[SPAN] - x - longer
         force_x, slope_x = pull(0, away, force_x, p, e, cells, side)
         against, slope_f, bristle = resisting(x, before, force_y, dt, p[FULL_FLOW], e, side, pair)
@@ -299,6 +308,7 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[COLLAR] = min(max(pair[COLLAR] + (x - before), -gripped), gripped)
     apart = (cells[0, CELLS - 1, W] - cells[1, CELLS - 1, W]) / 20.0
     pair[TONGUE] = approach(pair[TONGUE], apart, dt, 6.0)
+    pair[KNOT] += dt / 10.0 * (side[0, PUMP] + side[1, PUMP])
     if e[0, SOAKING] > 0.0:
         spilt = (side[0, FLOW] + side[1, FLOW]) / p[FULL_FLOW]
         pair[SPONGE] += dt * (spilt / 10.0 - pair[SPONGE] / 40.0)

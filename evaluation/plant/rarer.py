@@ -16,6 +16,7 @@ from evaluation.plant.layout import (
     AMPERE,
     BACK_STRESS,
     BELT,
+    BLOWN,
     CELL_SOAK,
     CELL_UNEVEN,
     CELLS,
@@ -24,12 +25,14 @@ from evaluation.plant.layout import (
     CLAMP_WET,
     CUT_OUT,
     DRAGGED,
+    DUMMY,
     FLOW,
     FORCE_X,
     FORCE_Y,
     FRACTION,
     FROTH,
     HALL_WARM,
+    LATE_SET,
     LOADED,
     MOLTEN,
     MOTOR_WARM,
@@ -45,6 +48,7 @@ from evaluation.plant.layout import (
     RUST,
     SHARE_BEFORE,
     SILT,
+    SLIME,
     SPEED,
     TENSION_BEFORE,
     TIME,
@@ -96,6 +100,10 @@ FROTHS = slot("frothing_pump")
 BELTED = slot("thermostat_belt")
 REGULATED = slot("regulator_on_tube")
 UNLIKE = slot("unlike_crimp")
+SLIMY = slot("scoured_slime")
+BLOWS = slot("thermostat_fan")
+DUMMY_LOAD = slot("dummy_load_under_tubes")
+PRESSED = slot("clamp_pressed_by_pull")
 
 CLAMP_J_K = 3.0
 GEL_degC, GEL_J = 38.0, 12.0  # where a gel melts, and what that takes
@@ -103,6 +111,8 @@ CUTS_degC, MAKES_degC = 46.0, 40.0  # wire at which a bimetal beside it opens an
 PIN_SHIFTS_N, PIN_RETURNS_N = 1.5, 1.3  # load at which an anchor's pin shifts and returns
 RUBS_N = 0.25  # change of load over which rubbing twins turn round
 BELT_ON_degC, BELT_OFF_degC = 30.0, 33.0  # mean water that switches a heating belt
+FAN_ON_degC, FAN_OFF_degC = 36.0, 32.0  # mean water that switches a fan
+BASE_A = 0.5  # sum of currents below which a supply needs its dummy load
 FAN_S = 18.0  # how long a fan takes to come back
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
 
@@ -167,14 +177,18 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
     wetter *= 1.0 + e[1 - s, MOTOR_FAN] * side[1 - s, PUMP]
     stirred /= 1.0 + e[s, RUSTS] * side[s, RUST]
     stirred /= 1.0 + e[s, FROTHS] * side[s, FROTH]
+    stirred /= 1.0 + e[s, SLIMY] * side[s, SLIME]
+    wetter *= 1.0 + e[s, BLOWS] * side[s, BLOWN]
     rows[0, HEAT_WIRE] += e[s, UNLIKE] * side[s, AMPERE]
     warming = e[s, BELTED] * side[s, BELT] + e[s, REGULATED] * side[s, REGULATOR]
+    warming += e[0, DUMMY_LOAD] * pair[DUMMY]
     tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     framed = e[s, ON_FRAME] * min(max((tension - 1.24) / 0.4, 0.0), 1.0) / CELLS
     warmer = cells[1 - s, CELLS - 1, T] - cells[s, CELLS - 1, T]
     rows[CELLS - 1, HEAT_WIRE] += e[0, END_STRAP] * warmer
     rows[0, HEAT_WIRE] += e[s, CLAMP] * (side[s, CLAMP_WARM] - cells[s, 0, T])
     rows[CELLS - 1, TO_CLAMP] += e[s, SPRAYED] * side[s, CLAMP_WET]
+    rows[0, TO_CLAMP] += e[s, PRESSED] * max(tension, 0.0) / 1.24
     melting = e[s, GEL] * gel_over(s, cells, side)
     for i in range(CELLS):
         rows[i, HEAT_WATER] += (warming - melting) / CELLS
@@ -290,3 +304,23 @@ def stay(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) ->
     side[s, FROTH] = approach(side[s, FROTH], beaten, dt, slow)
     ampere = side[s, AMPERE]
     side[s, REGULATOR] = approach(side[s, REGULATOR], ampere * (4.0 - ampere) / 4.0, dt, 5.0)
+
+
+@compiled
+def grow(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Update what grows on spring `s` or waits for it: slime, a fan, a dummy load, late strain."""
+    water = 0.0
+    fraction = 0.0
+    for i in range(CELLS):
+        water += cells[s, i, W] / CELLS
+        fraction += cells[s, i, FRACTION] / CELLS
+    grown = side[s, SLIME] + dt / 10.0 * max(water - 30.0, 0.0) / 10.0
+    side[s, SLIME] = grown * math.exp(-dt * side[s, FLOW] / p[FULL_FLOW] / 6.0)
+    if water > FAN_ON_degC:
+        side[s, BLOWN] = approach(side[s, BLOWN], 1.0, dt, 1.0)
+    elif water < FAN_OFF_degC:
+        side[s, BLOWN] = approach(side[s, BLOWN], 0.0, dt, 1.0)
+    side[s, LATE_SET] = approach(side[s, LATE_SET], fraction, dt, 3.0)
+    if s == 1:
+        needed = 1.0 if side[0, AMPERE] + side[1, AMPERE] < BASE_A else 0.0
+        pair[DUMMY] = approach(pair[DUMMY], needed, dt, 3.0)

@@ -144,6 +144,14 @@ LIFTING = slot("lifting_head")
 DROPS = slot("drops_on_cell")
 PUMPS_WAIT = slot("indicator_waits_for_pumps")
 VALLEY = slot("sampled_at_valley")
+COMPRESSES = slot("compressing_divider")
+JET = slot("jet_on_rtd")
+QUADRATIC = slot("quadratic_rtd")
+SLOPING = slot("sloping_interpolator")
+JOINED = slot("joined_scales")
+TAUT_CABLE = slot("taut_cell_cable")
+EXCITATION = slot("sagging_excitation")
+PUMP_RAIL = slot("sensors_on_pump_rail")
 
 CELL_RAD_S, CELL_DAMPING = 2.0 * math.pi * 0.2, 0.12  # slow enough for the load to excite it
 MISSED_S = 13.0  # after which two clocks are a whole sample apart
@@ -156,6 +164,7 @@ ZEROS_S, HASTE_S = 7.0, 0.5  # between zeros of a voltmeter; over which an RTD's
 TORN_mm = 0.1  # half a torn line's length
 STUCK_K, RUBS_m = 4.0, 1e-3  # how far a winding and a cable give before they slip
 CODE_N = 1.4  # what a converter reads in place of missing codes
+LINE_mm = 4.0  # from one line of a scale to the next
 
 
 @compiled
@@ -174,6 +183,7 @@ def rtd(
     i = min(max(math.floor(place), 0), CELLS - 2)
     part = min(max(place - i, 0.0), 1.0)
     seen = (1.0 - part) * cells[s, i, T] + part * cells[s, i + 1, T]
+    seen -= e[s, JET] * min(side[s, FLOW] / p[FULL_FLOW], 1.0) * (seen - cells[s, 0, W])
     if e[s, STEM_ERROR] > 0.0:
         side[s, STEM] = approach(side[s, STEM], 0.3 * seen + 0.7 * ambient, dt, 15.0)
         seen -= e[s, STEM_ERROR] * (seen - side[s, STEM])
@@ -187,6 +197,7 @@ def rtd(
     side[s, PASTED] = approach(side[s, PASTED], reading, dt, e[s, PASTE] * set_by)
     reading = side[s, PASTED]
     reading += e[s, RTD_OFFSET] * (1.0 + 0.01 * (reading - 27.0))
+    reading += e[s, QUADRATIC] * ((reading - 27.0) / 20.0) ** 2
     if e[1 - s, RTD_LEAD] > 0.0:
         warm = 0.0
         for j in range(CELLS):
@@ -246,6 +257,9 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     reading += e[0, BRACKET] * pair[YIELDED]
     reading += e[0, BOWED] * (seen_mm / 5.0) ** 2
     reading += e[0, LEVER] * (seen_mm / 5.0) ** 3
+    reading += e[0, JOINED] * max(seen_mm, 0.0)
+    line = seen_mm / LINE_mm + e[2, SLOPING]
+    reading += e[0, SLOPING] * (line - math.floor(line) - e[2, SLOPING])
     reading += e[0, LIFTING] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 1e-3)
     pair[WHEEL_LOST] += pair[SPILT] * (seen_mm - pair[WHEEL_BEFORE])
     reading -= e[0, WET_WHEEL] * pair[WHEEL_LOST]
@@ -287,6 +301,8 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     reading += e[0, CELL_RINGS] * (pair[CELL_SWING] - reading)
     reading += e[0, GHOST] * (side[1, RTD_B] - 27.0) / 20.0
     reading += e[0, GRADIENT] * side[0, CELL_UNEVEN]
+    reading *= max(0.1, 1.0 - e[0, EXCITATION] * (side[0, AMPERE] + side[1, AMPERE]) / 4.0)
+    reading += e[0, TAUT_CABLE] * max(pair[X] / 5e-3 - 0.3, 0.0)
     pair[DROP] += dt / 5.0 * side[0, FLOW] / 0.55
     pair[DROP] -= math.floor(pair[DROP])
     reading += e[0, DROPS] * pair[DROP]
@@ -339,11 +355,13 @@ def read(
         out[s] *= max(0.1, 1.0 + e[s, ON_RETURN] * side[s, HALL_WARM])
         drawn_in = pair[X] if s == 0 else -pair[X]
         out[s] /= max(0.3, 1.0 + e[s, SWAYING] * drawn_in / 5e-3)
+        out[s] *= max(0.1, 1.0 - e[0, PUMP_RAIL] * (side[0, PUMP] + side[1, PUMP]))
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         out[2 + s] *= max(0.1, 1.0 + e[0, DIVIDER] * pair[DRIVERS_WARM])
         heard = max(out[2 + s], 0.0)
         out[2 + s] += e[s, RMS] * (math.sqrt(heard * p[SUPPLY]) - heard)
+        out[2 + s] /= 1.0 + e[s, COMPRESSES] * max(out[2 + s], 0.0) / p[SUPPLY]
         if e[s, MIST] > 0.0:
             share = side[s, FLOW] / p[FULL_FLOW]
             slow = 3.0 if share > side[s, MISTED] else 15.0

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
-from evaluation.plant.layout import FLOW
+from evaluation.plant.layout import FLOW, KNOT
 
 Array = NDArray[np.float64]
 
@@ -15,14 +15,17 @@ COMPLIANCE = slot("tendon_compliance")
 COGS = slot("cogging_wheel")
 JETS = slot("jets_on_clip")
 BIMETAL = slot("bimetal_tongue")
+NOTCH = slot("ball_in_notch")
+SHAKEN_KNOT = slot("shaken_knot")
 
 COG_m = 10e-3  # travel from one cog of a wheel to the next
+NOTCH_m = 2e-3  # from the middle of a notch to where it holds its ball most
 
 
 @compiled
-def longer_tendon(force: float, e: Array) -> tuple[float, float]:
+def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
     """How much longer the tendon is than at assembly (m), and its slope in force."""
-    stretch = 0.0
+    stretch = 1e-3 * e[0, SHAKEN_KNOT] * (1.0 - math.exp(-pair[KNOT]))
     slope = 0.0
     tension = max(force, 0.0)
     if e[0, COMPLIANCE] > 0.0:
@@ -39,6 +42,10 @@ def tied(x: float, e: Array) -> tuple[float, float]:
     total = e[0, COGS] * math.sin(turn)
     # A cog that lets go would tell Newton the wrong way: the springs alone bound its step.
     slope = 2.0 * math.pi * e[0, COGS] * max(math.cos(turn), 0.0) / COG_m
+    off = (x - 6e-3 * (e[2, NOTCH] - 0.5)) / NOTCH_m
+    held = e[0, NOTCH] * math.exp(0.5 * (1.0 - off * off))
+    total += held * off
+    slope += held * max(1.0 - off * off, 0.0) / NOTCH_m
     return total, slope
 
 

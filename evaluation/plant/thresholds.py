@@ -22,6 +22,8 @@ from evaluation.plant.layout import (
     TAKEN_UP,
     TRAINED,
     WORK_DONE,
+    T,
+    W,
 )
 from evaluation.plant.parameters import index
 from evaluation.plant.phase import cooling_shift
@@ -41,6 +43,7 @@ DRAGS = slot("dragging_interfaces")
 ON_AUSTENITE = slot("load_on_austenite")
 HYDROGEN = slot("hydrogen_of_flow")
 TRAINS = slot("training_under_load")
+COAT = slot("mismatched_coat")
 
 
 @compiled
@@ -67,5 +70,6 @@ def shifts(
     left += e[s, ON_AUSTENITE] * (1.0 - cells[s, i, FRACTION]) * (stress / p[STRESS] - 1.24) / 0.4
     dragged = e[s, DRAGS] * side[s, DRAGGED]
     left -= e[s, HYDROGEN] * side[s, CHARGED]
+    left += e[s, COAT] * (cells[s, i, T] - cells[s, i, W]) / 10.0
     cool += e[s, TRAINS] * (1.0 - math.exp(-side[s, TRAINED]))
     return heat - worked + left + dragged, cool - worked + left - dragged

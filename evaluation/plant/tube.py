@@ -51,6 +51,7 @@ from evaluation.plant.rarer import (
     bend,
     elsewhere,
     follow,
+    grow,
     haunt,
     joints,
     linger,
@@ -111,6 +112,8 @@ INTERFACES = slot("scattering_interfaces")
 OF_REST = slot("latent_of_rest")
 HEALING = slot("healing_defects")
 ORDERING = slot("ordering_austenite")
+MARTENSITE_WARMS = slot("warm_martensite_resists")
+UNEVEN = slot("uneven_latent")
 
 
 @compiled
@@ -135,6 +138,8 @@ def resistance(s: int, p: Array, e: Array, cells: Array, side: Array, heat: Arra
             factor += e[s, TEXTURED] * min(max(further, 0.0) / 0.05, 8.0)
         mixed = 4.0 * cells[s, i, FRACTION] * (1.0 - cells[s, i, FRACTION])
         factor += e[s, INTERFACES] * mixed
+        warm = (cells[s, i, T] - 27.0) / 10.0
+        factor += e[s, MARTENSITE_WARMS] * cells[s, i, FRACTION] * warm
         heat[i] = base * factor / CELLS
         total += heat[i]
     return float(total + joints(s, e, cells, side, heat))
@@ -186,6 +191,7 @@ def coefficients(
         row[LATENT] = latent * max(0.1, 1.0 + e[s, WARM_LATENT] * warmer)
         row[LATENT] *= 1.0 + e[s, PINNED] * cells[s, i, HEATING]
         row[LATENT] *= 1.0 + e[s, OF_REST] * side[s, RESTED]
+        row[LATENT] *= 1.0 + e[s, UNEVEN] * (1.0 - cells[s, i, FRACTION])
         row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
@@ -291,4 +297,5 @@ def tube(
     trail(s, p, e, cells, side, pair, dt)
     haunt(s, p, cells, side, pair, dt)
     stay(s, p, cells, side, pair, dt)
+    grow(s, p, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)

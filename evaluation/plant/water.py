@@ -22,6 +22,7 @@ from evaluation.plant.layout import (
     FILL,
     FLOW,
     LEVEL_LOST,
+    MIXER,
     PLATE_WARM,
     POCKET,
     REFILLED,
@@ -42,6 +43,7 @@ CHILLER = slot("relay_chiller")
 COOLED_DRIVER = slot("water_cooled_driver")
 FLOAT_VALVE = slot("float_valve")
 FEED_WOUND = slot("feed_wound_on_tube")
+MIXER_LAGS = slot("lagging_mixer_tap")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -129,8 +131,10 @@ def entering(
     if s == 0:
         chill(cells, side, pair, dt)
         refill(side, pair, dt)
+        pair[MIXER] = approach(pair[MIXER], (side[0, FLOW] + side[1, FLOW]) / 0.55, dt, 5.0)
     source -= e[0, CHILLER] * pair[CHILLED_BY]
     source -= e[0, FLOAT_VALVE] * pair[REFILLED]
+    source += e[0, MIXER_LAGS] * ((side[0, FLOW] + side[1, FLOW]) / 0.55 - pair[MIXER])
     lost = side[s, PLATE_WARM] * (1.0 + 6.0 * side[s, FLOW] / 0.55) / 20.0
     side[s, PLATE_WARM] += dt * ((side[s, AMPERE] / 4.0) ** 2 / 4.0 - lost)
     source += e[s, COOLED_DRIVER] * side[s, PLATE_WARM]
