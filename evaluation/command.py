@@ -186,7 +186,9 @@ def _elsewhere() -> dict[str, str]:
 
 
 def _arguments() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m evaluation", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m evaluation", description="Test the diagnosis on runs of known cause."
+    )
     commands = parser.add_subparsers(required=True)
     for add in (_recovery, _banks, _runs, _constants, _quiz):
         add(commands)

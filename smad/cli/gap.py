@@ -61,7 +61,7 @@ def diagnose(
 ) -> None:
     """Say where model and RUNs disagree, and what is missing.
 
-    It names an effect or a law, and the share of the gap that this explains.
+    It names an effect or a law, and the gap that remains with it.
 
     With --good it says what has changed since those runs; without, what differs between model and
     bench. Without --hold-out each run is used to judge models fitted to the others.
@@ -153,7 +153,7 @@ def effects(
 def verify(
     *,
     runs: tuple[Path, ...] = runs_argument,
-    model_path: Path = option("--model", "Model file of --apply.", EXISTING, required=True),
+    model_path: Path = option("--model", "Model file that --apply wrote.", EXISTING, required=True),
     map_path: Path | None = map_option,
     pair: SpringPair = together(SpringPair),
     as_json: bool = json_option,

@@ -41,6 +41,7 @@ def plan_runs(
     identifiable  noticed below its typical size, and unlike any other
     weak          noticed only above its typical size, or like another
     not           nothing shows within its range, or parameters imitate it
+    unknown       no time was left for it, or the model gave no numbers
     """
     from smad.simulators.planning import left_of, plan_pair
 

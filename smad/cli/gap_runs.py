@@ -74,7 +74,7 @@ trust_option = option(
 )
 hold_out_option = files_option(
     "--hold-out RUN…",
-    "Runs for judging: files or folders. Fitted only if they repeat good runs.",
+    "Runs for judging: files, patterns or folders. Fitted only if they repeat good runs.",
 )
 good_option = files_option(
     "--good RUN…", "Runs known to be good: files, patterns or folders, up to the next option."

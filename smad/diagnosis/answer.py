@@ -154,9 +154,9 @@ def _outcome(search: Search, causes: Sequence[Cause]) -> str:
 
 
 def _of_withdrawn(search: Search) -> list[str]:
-    """What was found and is not told, since it leaves a larger gap than parameters alone."""
+    """What was withdrawn, since it leaves a larger gap than parameters alone."""
     parts = ", ".join(part_words(search.question.model.plant, part) for part in search.withdrawn)
-    return [f"not told, since other parameters alone leave less: {parts}"] if parts else []
+    return [f"not reported, since parameters alone leave less: {parts}"] if parts else []
 
 
 def _entered(search: Search) -> list[tuple[Step, Rival]]:

@@ -376,7 +376,7 @@ def headline_of(
     if outcome == QUIET:
         return {
             DIFFERS: "nothing is missing beyond the floor of the readings",
-            CHANGED: "nothing is new beyond what good runs differ in",
+            CHANGED: "nothing is new beyond the difference between good runs",
             CHECK_UP: "no change beyond the repeat floor",
         }[question]
     changed = question != DIFFERS

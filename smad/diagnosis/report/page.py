@@ -26,8 +26,8 @@ _QUESTIONS = {
 }
 _CHANGED = "what is new since the good runs"
 _FLOORS = {
-    DIFFERS: "the noise of a reading and 0.1 % of its range",
-    CHECK_UP: "the difference of two good days",
+    DIFFERS: "the noise of a reading and 0.1 % of its swing",
+    CHECK_UP: "the difference between good repeats",
 }
 
 
@@ -75,7 +75,9 @@ def write_report(answer: Answer, path: Path | str) -> Path:
 
 def _answer(v: Verdict) -> list[Block]:
     out: list[Block] = [Text(line, "warning") for line in finding_lines(v, doubtful=True)]
-    floor = _FLOORS.get(v.question, "what good runs differ in, or the simulator leaves of them")
+    floor = _FLOORS.get(
+        v.question, "the difference between good runs, or the gap that the simulator leaves in them"
+    )
     judged = f"{''.join(judged_lines(v))}. A floor is {floor}."
     caption = f"Each rival is fitted together with the parameters, and {judged}"
     if steps := gap_by_cause(v):

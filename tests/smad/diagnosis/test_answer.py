@@ -55,7 +55,7 @@ def test_what_is_withdrawn_is_noted() -> None:
     search.compare_with_parameters()
     verdict = answer_of(search, question=DIFFERS).verdict
     assert (verdict.outcome, verdict.causes) == (UNEXPLAINED, [])
-    assert verdict.notes == ["not told, since other parameters alone leave less: driver_gain"]
+    assert verdict.notes == ["not reported, since parameters alone leave less: driver_gain"]
     assert "driver_gain" in {r.name for r in verdict.rivals}
 
 
