@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -159,7 +160,8 @@ def checkup(
     facts = [("baseline", str(folder or good)), ("repeats", str(judgement.pairs.good.repeats))]
     save_model = functools.partial(judgement.save_model, plant)
     files = AnswerFiles(verdict=json_path, page=page_path, model=model_path)
-    show_verdict(judgement, files, save_model, facts=facts)
+    again = shlex.join(["--sim"] * bench.sim + ["--baseline", str(folder)]) if folder else ""
+    show_verdict(judgement, files, save_model, arguments=again, facts=facts)
 
 
 @click.command(cls=Command)

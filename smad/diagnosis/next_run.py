@@ -57,7 +57,7 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
 def offer_lines(confused: Sequence[str], ranked: Sequence[Offer]) -> list[str]:
     """The result of `offers` in words, with the commands of the best few experiments."""
     if not confused:
-        return ["Nothing is confused that a run of the catalogue could tell apart."]
+        return ["No two rivals remain: no run is needed to separate them."]
     lines = [f"Not separated: {' or '.join(confused)}. Least d² between two of them:"]
     for offer in ranked[:_SHOWN]:
         x = offer.experiment

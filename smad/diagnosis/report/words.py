@@ -17,7 +17,6 @@ from smad.diagnosis.verdict import (
     CAUSES,
     CHECK_UP,
     COLUMN_DOUBTED,
-    DIFFERS,
     PAIRED,
     PARAMETERS,
     REFUSED,
@@ -274,17 +273,21 @@ def advice(
 ) -> list[tuple[str, str]]:
     """What to do next: commands and why.
 
-    `arguments` are the arguments as a shell takes them, a mapping of columns at their end. The
-    files are those that the verdict and the better model are written to.
+    `arguments` are the arguments as a shell takes them, a mapping of columns at their end, or the
+    baseline of a check-up. The files are those that the verdict and the better model are written
+    to.
     """
     v = verdict
     _, option, path = arguments.partition(" --map ")
     mapping = option + path
     if v.outcome == REFUSED:
         return [("", "correct what is refused above, and ask again")]
-    out = []
     undecided = any(len(c.credible_places) > 1 or len(c.credible_names) > 1 for c in v.causes)
-    if undecided and v.question == DIFFERS:
+    if v.question == CHECK_UP:
+        more = f"smad gap investigate {arguments}"
+        return [(more, "measure more until one cause is left")] if undecided else []
+    out = []
+    if undecided:
         out.append((f"smad gap next {arguments}", "which run would tell the rivals apart"))
     if v.models and v.outcome in (CAUSES, PARAMETERS):
         model = shlex.quote(str(model_path or "better.toml"))

@@ -131,7 +131,7 @@ def test_next_says_so_where_nothing_is_confused(
     monkeypatch.setattr(DIAGNOSED, lambda *asked, **options: left)
     path = tmp_path / "a.mcap"
     path.touch()
-    assert call("next", str(path)).output.splitlines()[-1].startswith("Nothing is confused")
+    assert call("next", str(path)).output.splitlines()[-1].startswith("No two rivals remain")
 
 
 def test_an_unknown_experiment_is_refused_with_the_known_ones() -> None:

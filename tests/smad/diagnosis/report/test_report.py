@@ -334,10 +334,22 @@ def test_what_to_do_next_goes_with_the_outcome() -> None:
     torn = msgspec.structs.replace(EFFECT, credible_places=["reading", "room"])
     undecided = advice(verdict(CAUSES, causes=[torn], **models), "r.mcap")
     assert [c for c, _ in undecided] == ["smad gap next r.mcap", *better]
+    changed = advice(verdict(CAUSES, causes=[torn], question=CHANGED), "r.mcap --good g.mcap")
+    assert [c for c, _ in changed] == ["smad gap next r.mcap --good g.mcap"]
     of_table = advice(verdict(CAUSES, causes=[torn], **models), "t.csv --map m.toml")
     commands_of_table = [c for c, _ in of_table]
     assert commands_of_table[0] == "smad gap next t.csv --map m.toml"
     assert commands_of_table[-1].endswith("--model better.toml --map m.toml")
+
+
+def test_after_an_undecided_check_up_an_investigation_is_next() -> None:
+    torn = msgspec.structs.replace(EFFECT, credible_names=["rtd_lag", "channel_delay"])
+    undecided, decided = (
+        advice(verdict(CAUSES, causes=[c], models=["a"], question=CHECK_UP), "--baseline b")
+        for c in (torn, EFFECT)
+    )
+    assert [c for c, _ in undecided] == ["smad gap investigate --baseline b"]
+    assert decided == []
 
 
 def test_what_to_do_next_begins_with_the_files_that_are_written() -> None:
