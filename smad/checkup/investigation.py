@@ -36,7 +36,8 @@ REST_S = 60.0
 
 class Record(msgspec.Struct, frozen=True):
     """A run of an investigation: its file, what it repeats, why it was played, whether it was held
-    out as proof, what it took with its rest, and why it ended early; `tripped`: by a fault."""
+    out as proof, what it took with its rest, and why it ended early; `tripped`: by a fault, None
+    where an earlier version of smad wrote the file."""
 
     file: str
     run: str
@@ -44,7 +45,14 @@ class Record(msgspec.Struct, frozen=True):
     held_out: bool
     took_s: float
     ended: str = ""
-    tripped: bool = False
+    tripped: bool | None = None
+
+    @property
+    def trip(self) -> str:
+        """What forbids to play on after it: the fault that ended it, or what may have been one."""
+        if self.tripped is None and self.ended:
+            return f"{self.ended}; whether that was a fault, its {REPORT} is too old to say"
+        return self.ended if self.tripped else ""
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -168,14 +176,14 @@ class Investigation:
         quick = [run for run in self.programme.runs if run.quick and run.name in names]
         quick = quick or [self.programme.run(r.name) for r in self.reference.runs[:2]]
         for run in quick[sum(not r.held_out for r in report.records) :]:
-            if any(r.tripped for r in report.records):
+            if any(r.trip for r in report.records):
                 break
             report = self._played(report, run, "for the check-up", held_out=False)
         while True:
             judgement, proposal = self._judged(report, quick, progress)
             self.say(f"verdict: {judgement.verdict.headline}")
             # A bench that only left its recording may be played on: each run begins from rest.
-            tripped = next((r.ended for r in report.records if r.tripped), "")
+            tripped = next((r.trip for r in report.records if r.trip), "")
             if tripped or proposal.run is None:
                 break
             report = self._played(
@@ -246,7 +254,7 @@ class Investigation:
                 self.say(f"no time is left to play {run.name} for proof")
                 break
             report = self._played(report, run, "for proof", held_out=True)
-            if report.records[-1].tripped:
+            if report.records[-1].trip:
                 break
         runs = _recorded(self.folder, report, held_out=True)
         if not runs:

@@ -86,8 +86,6 @@ processes_option = option(
     "model).",
     Whole(1),
 )
-
-
 map_option = option("--map", "Mapping file of smad log import, for tables.", EXISTING)
 
 

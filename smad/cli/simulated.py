@@ -32,8 +32,6 @@ def effects_option(about: str) -> Any:
 
 
 effect_option = effects_option("With --sim: an effect that the simulated bench has.")
-
-
 rate_option = option("--rate", "Samples per second.", click.Choice(["100", "250", "500"]))
 
 

@@ -13,6 +13,11 @@ from smad.arrays import Array, Mask
 from smad.diagnosis.errors import GapError
 from smad.records.units import Written
 
+_COARSE = 1e-6
+"""Resolution of a clock, as a share of the sample interval, above which the interval is a mean."""
+_ROUNDINGS = 8.0
+"""Most roundings of a clock, all in one direction, in the place of a sample on a grid."""
+
 
 @dataclass(frozen=True, eq=False)
 class GapRun:
@@ -82,7 +87,27 @@ class GapRun:
     @cached_property
     def dt_s(self) -> float:
         """Median sample interval."""
-        return float(np.median(np.diff(self.t_s))) if len(self.t_s) > 1 else 0.0
+        if len(self.t_s) < 2:
+            return 0.0
+        steps = np.diff(self.t_s)
+        usual = float(np.median(steps))
+        if self.resolution_s <= _COARSE * usual:
+            return usual
+        # Each step of Unix time is rounded to 0.24 µs, and the median with it; a mean is not.
+        near = np.abs(steps - usual) <= 2.0 * self.resolution_s
+        return float(steps[near].mean()) if near.any() else usual
+
+    @property
+    def resolution_s(self) -> float:
+        """Spacing of numbers at the start of the clock: 0.24 µs for Unix time, near 0 at 0."""
+        return float(np.spacing(np.abs(self.t_s[:1])).max(initial=0.0))
+
+    def within_rounding(self, period_s: float, usual: float) -> float:
+        """Share of a period by which a sample may lie before an edge and count as on it.
+
+        That is `usual`, or more for a clock that is rounded more coarsely.
+        """
+        return max(usual, _ROUNDINGS * self.resolution_s / max(period_s, 1e-9))
 
     @property
     def begins_s(self) -> float:

@@ -63,7 +63,8 @@ class Played:
 
         A row is replayed in so many `pieces`, and more where an input steps.
         """
-        bins = int(np.floor((run.t_s[-1] - start_s) / period_s + 1e-6))
+        share = run.within_rounding(period_s, 1e-6)
+        bins = int(np.floor((run.t_s[-1] - start_s) / period_s + share))
         return cls(
             run=thinned(run, period_s / pieces, inputs),
             inputs=tuple(inputs),

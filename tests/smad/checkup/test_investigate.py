@@ -321,6 +321,33 @@ def test_a_bench_that_leaves_a_recorded_run_is_asked_for_the_others(
     assert report.proof
 
 
+@pytest.mark.parametrize(("ended", "plays_on"), [("it tripped or left", False), ("", True)])
+def test_an_old_report_that_does_not_know_of_a_trip_is_told_and_not_played_on(
+    reference: GoodRuns, tmp_path: Path, ended: str, *, plays_on: bool
+) -> None:
+    folder = tmp_path / "investigation-1"
+    with pytest.raises(ConnectionError):
+        inquiry(reference, folder, GAIN, fails_at=2).carry_out(lambda text: None)
+    path = folder / "investigation.json"
+    old = msgspec.json.decode(path.read_bytes())
+    del old["records"][0]["tripped"]
+    old["records"][0]["ended"] = ended
+    path.write_bytes(msgspec.json.encode(old))
+    said: list[str] = []
+    asked = replace(inquiry(reference, folder, GAIN), say=said.append)
+    report = asked.carry_out(lambda text: None)
+    assert (len(report.records) > 1) == plays_on
+    assert report.verdict is not None
+    assert [c.name for c in report.verdict.causes] == ["driver_gain"]
+    if not plays_on:
+        why = (
+            "a run was ended early: it tripped or left; whether that was a fault, its "
+            "investigation.json is too old to say"
+        )
+        assert report.why_over == why
+        assert why in said
+
+
 def test_a_report_that_was_torn_is_told_with_what_to_do(
     reference: GoodRuns, tmp_path: Path
 ) -> None:

@@ -27,6 +27,8 @@ from smad.diagnosis.plant import (
 from smad.diagnosis.runs import GapRun
 
 DT = 0.1
+DIVERGED = 1e12
+"""No plate is so hot: the steps are too long for its heat flow."""
 
 
 @njit(cache=True)
@@ -157,6 +159,7 @@ class HeaterPlant:
         gain = 1.0 + _value(point.effects, "driver_gain", "g")
         sent = {s: gain * run.inputs[f"cmd_{s}_W"] for s in "lr"}
         state = self._thermal(theta, point.effects, run, sent["l"], sent["r"])
+        state = np.where(np.abs(state) < DIVERGED, state, np.nan)
         out: dict[str, Array] = {}
         for s, i in (("l", 0), ("r", 1)):
             out[f"power_{s}_W"] = sent[s]
@@ -220,7 +223,7 @@ def _rod(theta, effects, dt, t_l, t_r):  # type: ignore[no-untyped-def]
     if delay > 0:
         t = np.arange(len(length)) * dt
         length = np.interp(t - delay, t, length)
-    return length
+    return np.where(np.isnan(t_l + t_r), np.nan, length)
 
 
 def make_inputs(family: str, duration_s: float, seed: int) -> dict[str, Array]:

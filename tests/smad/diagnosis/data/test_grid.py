@@ -136,3 +136,26 @@ def test_noise_and_channels_that_stand_still_say_nothing_of_a_time_scale() -> No
     assert row_length_s([], plant) == PERIOD_S
     one = run.with_columns(outputs={**noise, "temp_l_degC": run.outputs["temp_l_degC"]})
     assert usual_correlation_time_s([one], plant) > 1.0
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 3600.0, 1.7e9])
+@pytest.mark.parametrize("rate_hz", [100.0, 250.0, 500.0])
+def test_rows_of_whole_samples_hold_as_many_at_each_whenever_the_clock_began(
+    rate_hz: float, begin_s: float
+) -> None:
+    run = GapRun("r", begin_s + np.arange(6000) / rate_hz, {}, {})
+    grid = Grid.of(run, 50 * run.dt_s)
+    assert (np.diff(grid.starts) == 50).all()
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 3600.0, -7.0])
+def test_a_clock_that_began_near_0_needs_no_more_than_the_usual_share(begin_s: float) -> None:
+    rng = np.random.default_rng(1)
+    run = GapRun("r", begin_s + np.cumsum(0.01 + 0.001 * rng.random(999)), {}, {})
+    assert run.dt_s == float(np.median(np.diff(run.t_s)))
+    assert run.within_rounding(0.1, 1e-9) == 1e-9
+
+
+def test_steps_of_unix_time_that_are_all_different_have_their_median() -> None:
+    run = GapRun("r", 1.7e9 + np.array([0.0, 0.01, 0.03]), {}, {})
+    assert run.dt_s == pytest.approx(0.015, abs=1e-6)

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from smad.diagnosis.data.played import Played
-from smad.diagnosis.data.rows import Binned, binned, edges_s, same_inputs, steps_in_gaps
+from smad.diagnosis.data.rows import (
+    Binned,
+    bin_numbers,
+    binned,
+    edges_s,
+    same_inputs,
+    steps_in_gaps,
+)
 from smad.diagnosis.runs import GapRun
 from tests.smad.diagnosis.heater_plant import HeaterPlant
 
@@ -98,3 +105,16 @@ def test_a_row_in_which_an_input_steps_while_samples_are_lost_does_not_count(gon
 def test_an_input_that_changes_all_the_time_does_not_step_while_samples_are_lost() -> None:
     run = course([3, 13, 25], 30.0 + 30.0 * np.sin(np.arange(40) / 3.0), gone=False)
     assert not steps_in_gaps(run, PLANT.inputs)
+
+
+def sampled(rate_hz: float, begin_s: float) -> GapRun:
+    return GapRun("r", begin_s + np.arange(6000) / rate_hz, {}, {})
+
+
+@pytest.mark.parametrize("rate_hz", [12.5, 62.5, 100.0])
+def test_samples_of_unix_time_fall_into_the_rows_of_a_clock_that_began_at_0(rate_hz: float) -> None:
+    # At 62.5 Hz every second row of 0.2 s begins in the middle of a sample's interval.
+    near, far = sampled(rate_hz, 0.0), sampled(rate_hz, 1.7e9)
+    rows = [bin_numbers(run, run.begins_s, 0.2) for run in (near, far)]
+    assert np.array_equal(*rows)
+    assert Played.of(near, (), near.begins_s).bins == Played.of(far, (), far.begins_s).bins
