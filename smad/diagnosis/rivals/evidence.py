@@ -126,8 +126,7 @@ class Evidence:
     def fold(self) -> Index:
         """Number of the fold with which each row is left out, (n,); −1 where not valid."""
         fold = np.empty(len(self.run_of_row), dtype=np.intp)
-        for k in range(len(self.trials)):
-            span = self.spans[k]
+        for k, span in enumerate(self.spans):
             size = span.stop - span.start
             block = (np.arange(size) * _FOLDS * _TURNS) // size
             fold[span] = k if self.by_runs else block % _FOLDS
@@ -163,10 +162,8 @@ class Evidence:
         """Rows `r` (n,) less the drifts fitted to them with `weight` (n,) of their squares."""
         if not self.has_drifts:
             return r
-        drift_coefficients = zip(
-            self.drift_coefficients(r, weight), self.drift_directions, strict=True
-        )
-        return np.asarray(r - np.concatenate([u @ D for u, D in drift_coefficients]))
+        pairs = zip(self.drift_coefficients(r, weight), self.drift_directions, strict=True)
+        return np.asarray(r - np.concatenate([u @ D for u, D in pairs]))
 
     def drift_coefficients(self, r: Array, weight: Array) -> list[Array]:
         """Coefficients (k,) of the drifts of each trial, fitted to rows `r` with `weight`, both
@@ -246,10 +243,9 @@ def with_drifts(evidence: Evidence, predicted: Sequence[Array]) -> list[Array]:
     """Predictions (bins, channels) with the drifts that are fitted when they are judged."""
     residual = evidence.residual(predicted)
     weight = weights(evidence, without_drifts(evidence, residual))
-    steps = zip(
-        evidence.trials, evidence.drift_coefficients(residual, weight), predicted, strict=True
-    )
-    return [p + np.tensordot(u * t.rows.day_sd, t.rows.day, axes=1) for t, u, p in steps]
+    coefficients = evidence.drift_coefficients(residual, weight)
+    of_trials = zip(evidence.trials, coefficients, predicted, strict=True)
+    return [p + np.tensordot(u * t.rows.day_sd, t.rows.day, axes=1) for t, u, p in of_trials]
 
 
 def form_sd_of(
