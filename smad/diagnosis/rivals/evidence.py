@@ -257,13 +257,10 @@ def form_sd_of(
     For each channel it is the share of the change that makes the residual likeliest: normal, with
     the floor and this share added in quadrature.
     """
-    sd, valid = (
-        np.concatenate(rows)
-        for rows in zip(*((t.rows.sd, t.rows.valid) for t in evidence.trials), strict=True)
-    )
-    residual = np.concatenate(
-        [t.target - p for t, p in zip(evidence.trials, predicted, strict=True)]
-    )
+    sd = np.concatenate([t.rows.sd for t in evidence.trials])
+    valid = np.concatenate([t.rows.valid for t in evidence.trials])
+    pairs = zip(evidence.trials, predicted, strict=True)
+    residual = np.concatenate([t.target - p for t, p in pairs])
     moved = np.concatenate(changes)
     best, share = np.full(evidence.channels, np.inf), np.zeros(evidence.channels)
     for f in _FORM_SHARES:
