@@ -155,7 +155,6 @@ class Evidence:
 
     @property
     def has_drifts(self) -> bool:
-        """Whether any trial has drifts."""
         return any(len(d) for d in self.drift_directions)
 
     def less_drifts(self, r: Array, weight: Array) -> Array:
