@@ -225,7 +225,6 @@ def _table(
     plant = question.model.plant
 
     def order(r: Rival) -> tuple[float, float]:
-        """The likeliest first; those whose probability prints as 0.00, by their gap."""
         printed_as_zero = round(r.probability, 2) == 0.0
         return 0.0 if printed_as_zero else -r.probability, question.gap(r)
 

@@ -108,7 +108,7 @@ def _of_changed(admitted: AdmittedRuns) -> tuple[Answer, Sequence[GapRun]]:
     runs = (*admitted.fit, *admitted.held_out)
     repeating = changed_pairs(admitted)
     if repeating is None:
-        return _of_changed_runs(admitted), runs
+        return answer_of(changed_runs(admitted), question=CHANGED), runs
     search, pairs = repeating
     answer = answer_of(search, question=CHANGED, gaps_of=PAIRED)
     notes = [*answer.verdict.notes, compared(pairs), *notes_of(pairs)]
@@ -121,7 +121,8 @@ def _of_changed(admitted: AdmittedRuns) -> tuple[Answer, Sequence[GapRun]]:
         note = f"not judged, since no good run has their inputs: {listed}; diagnose them separately"
         return answer.with_verdict(notes=[*notes, note]), ()
     apart = admitted.of(names)
-    apart_runs, of_others = (*apart.fit, *apart.held_out), _of_changed_runs(apart)
+    apart_runs = (*apart.fit, *apart.held_out)
+    of_others = answer_of(changed_runs(apart), question=CHANGED)
     same, more = answer.verdict.outcome, of_others.verdict.outcome
     if more == QUIET or (same == PARAMETERS and more != CAUSES):
         note = f"runs with new inputs show {_NO_CAUSE[same]} either: {listed}"
@@ -129,11 +130,6 @@ def _of_changed(admitted: AdmittedRuns) -> tuple[Answer, Sequence[GapRun]]:
     note = f"runs that repeat good ones show {_NO_CAUSE[same]}; runs with new inputs do: {listed}"
     notes = [note, *of_others.verdict.notes, *notes]
     return of_others.with_verdict(notes=notes), apart_runs
-
-
-def _of_changed_runs(admitted: AdmittedRuns) -> Answer:
-    """What is new in runs with inputs of their own."""
-    return answer_of(changed_runs(admitted), question=CHANGED)
 
 
 def _require_runs(runs: Sequence[object]) -> None:

@@ -41,7 +41,7 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
     scale = evidence.floors * np.sqrt(np.maximum(variances, 1.0))
     words = [rival_words(plant, r) for r in answer.alternatives]
     out: list[Offer] = []
-    experimenter = plant if isinstance(plant, Experimenter) else unwrapped(plant)
+    experimenter = unwrapped(plant)
     if not isinstance(experimenter, Experimenter):
         return words, out
     for experiment in experimenter.catalogue():

@@ -49,9 +49,8 @@ class AdmittedRuns:
 
     def of(self, names: Sequence[str]) -> AdmittedRuns:
         """Only these runs in question, with all good ones; if all are held out, they are fitted."""
-        fit, held_out = (
-            tuple(run for run in runs if run.name in names) for runs in (self.fit, self.held_out)
-        )
+        fit = tuple(run for run in self.fit if run.name in names)
+        held_out = tuple(run for run in self.held_out if run.name in names)
         return replace(self, fit=fit or held_out, held_out=held_out if fit else ())
 
     @cached_property

@@ -91,7 +91,6 @@ class RunRecord(msgspec.Struct, frozen=True):
 
     @classmethod
     def of(cls, run: GapRun, role: str, repeats: str = "") -> RunRecord:
-        """The record of a run."""
         return cls(run.name, role, round(run.duration_s, 3), run.digest, repeats)
 
 

@@ -54,7 +54,9 @@ def doubted_columns(plant: PlantModel, run: GapRun, predicted: Mapping[str, Arra
     alone: dict[str, list[Misreading]] = {}
     mended = dict(before)
     for c in far:
-        offs = [(m, _off(plant, c, run, predicted, m.columns[c.name])) for m in _of_reading(c, run)]
+        column = {c.name: run.outputs[c.name]}
+        misread = [*_in_other_units(column, c.unit), _reversed(column)]
+        offs = [(m, _off(plant, c, run, predicted, m.columns[c.name])) for m in misread]
         near = [(m, off) for m, off in offs if off <= min(_NEAR, before[c.name] - _FAR)]
         alone[c.name] = [m for m, _ in near]
         mended[c.name] = min((off for _, off in near), default=before[c.name])
@@ -125,12 +127,6 @@ def _replayed_off(plant: PlantModel, run: GapRun, misreading: Misreading) -> dic
         for c in plant.channels
         if c.name in mended.outputs
     }
-
-
-def _of_reading(channel: Channel, run: GapRun) -> list[Misreading]:
-    """Possible misreadings of one reading, under which its prediction stays the same."""
-    column = {channel.name: run.outputs[channel.name]}
-    return [*_in_other_units(column, channel.unit), _reversed(column)]
 
 
 def _of_several(plant: PlantModel, run: GapRun) -> list[Misreading]:

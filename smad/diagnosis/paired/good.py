@@ -98,7 +98,6 @@ class GoodRuns:
 
     @property
     def names(self) -> set[str]:
-        """The names of the runs."""
         return {run.name for run in self.runs}
 
     def parameter_covariance(self, plant: PlantModel) -> Array:

@@ -43,7 +43,6 @@ class CompetingFits:
         self.least_objective = min(self.least_objective, fitted.objective)
 
     def rivals(self) -> list[Rival]:
-        """The fits as rivals."""
         question, near = self.question, []
         for name in sorted(self.by_name, key=lambda n: (self.by_name[n].objective, n))[:POLISHED]:
             if self.by_name[name].objective < self.least_objective + WITHIN:

@@ -126,8 +126,7 @@ class Evidence:
     def fold(self) -> Index:
         """Number of the fold with which each row is left out, (n,); −1 where not valid."""
         fold = np.empty(len(self.run_of_row), dtype=np.intp)
-        for k in range(len(self.trials)):
-            span = self.spans[k]
+        for k, span in enumerate(self.spans):
             size = span.stop - span.start
             block = (np.arange(size) * _FOLDS * _TURNS) // size
             fold[span] = k if self.by_runs else block % _FOLDS
@@ -156,17 +155,14 @@ class Evidence:
 
     @property
     def has_drifts(self) -> bool:
-        """Whether any trial has drifts."""
         return any(len(d) for d in self.drift_directions)
 
     def less_drifts(self, r: Array, weight: Array) -> Array:
         """Rows `r` (n,) less the drifts fitted to them with `weight` (n,) of their squares."""
         if not self.has_drifts:
             return r
-        drift_coefficients = zip(
-            self.drift_coefficients(r, weight), self.drift_directions, strict=True
-        )
-        return np.asarray(r - np.concatenate([u @ D for u, D in drift_coefficients]))
+        pairs = zip(self.drift_coefficients(r, weight), self.drift_directions, strict=True)
+        return np.asarray(r - np.concatenate([u @ D for u, D in pairs]))
 
     def drift_coefficients(self, r: Array, weight: Array) -> list[Array]:
         """Coefficients (k,) of the drifts of each trial, fitted to rows `r` with `weight`, both
@@ -246,10 +242,9 @@ def with_drifts(evidence: Evidence, predicted: Sequence[Array]) -> list[Array]:
     """Predictions (bins, channels) with the drifts that are fitted when they are judged."""
     residual = evidence.residual(predicted)
     weight = weights(evidence, without_drifts(evidence, residual))
-    steps = zip(
-        evidence.trials, evidence.drift_coefficients(residual, weight), predicted, strict=True
-    )
-    return [p + np.tensordot(u * t.rows.day_sd, t.rows.day, axes=1) for t, u, p in steps]
+    coefficients = evidence.drift_coefficients(residual, weight)
+    of_trials = zip(evidence.trials, coefficients, predicted, strict=True)
+    return [p + np.tensordot(u * t.rows.day_sd, t.rows.day, axes=1) for t, u, p in of_trials]
 
 
 def form_sd_of(
@@ -261,13 +256,10 @@ def form_sd_of(
     For each channel it is the share of the change that makes the residual likeliest: normal, with
     the floor and this share added in quadrature.
     """
-    sd, valid = (
-        np.concatenate(rows)
-        for rows in zip(*((t.rows.sd, t.rows.valid) for t in evidence.trials), strict=True)
-    )
-    residual = np.concatenate(
-        [t.target - p for t, p in zip(evidence.trials, predicted, strict=True)]
-    )
+    sd = np.concatenate([t.rows.sd for t in evidence.trials])
+    valid = np.concatenate([t.rows.valid for t in evidence.trials])
+    pairs = zip(evidence.trials, predicted, strict=True)
+    residual = np.concatenate([t.target - p for t, p in pairs])
     moved = np.concatenate(changes)
     best, share = np.full(evidence.channels, np.inf), np.zeros(evidence.channels)
     for f in _FORM_SHARES:

@@ -74,7 +74,6 @@ class EffectPart:
         return np.where(away < 1e-9, _STEP, np.clip(0.5 * away, _LEAST_STEP, _STEP))
 
     def coordinates(self, values: Mapping[str, float]) -> Array:
-        """The coordinates of the effect's values."""
         return np.array([values[q.name] / q.scale for q in self.effect.parameters])
 
     def weaker(self, p: Array, share: float) -> Array:
@@ -210,7 +209,6 @@ class Model:
         return point
 
     def with_parts(self, parts: Sequence[Part]) -> Model:
-        """The model with other parts."""
         return replace(self, parts=tuple(parts))
 
     def log_prior(self, x: Array) -> float:

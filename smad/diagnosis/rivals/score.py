@@ -28,13 +28,11 @@ decides.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
 from itertools import combinations_with_replacement
 from math import factorial
 
 import numpy as np
-import numpy.typing as npt
 
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.plant import Array
@@ -125,16 +123,23 @@ def probabilities(
     total = times @ scores.T
     of_run, of_rows = 0.5 * constants.evidence, 0.5 * rows
     part = np.isin(kinds, (EFFECT, LAW))
+    kind_of_part = np.array(kinds)[part]
     of_same = of_rows if by_rows else of_run
-    counts = {EFFECT: effects, LAW: laws}
-    causes = _Causes(
-        kinds=np.array(kinds)[part],
-        all_of_kind={k: of_kind[k] + float(np.log(max(n, 1))) for k, n in counts.items()},
-        of_right=of_rows,
-        of_wrong=of_run * min(_ALIKE / scores.shape[1], 1.0),
-    )
+    of_wrong = of_run * min(_ALIKE / scores.shape[1], 1.0)
+
+    def of_parts(log_before: Array, score: Array) -> Array:
+        """Probabilities of the rivals with a part, (resamples, rivals), from their prior and score:
+        the mean of those if the form of the likeliest is right, and if all are wrong."""
+        right = _softmax(log_before + of_rows * score)
+        log_wrong = np.broadcast_to(log_before + of_wrong * score, score.shape).copy()
+        for kind, count in ((EFFECT, effects), (LAW, laws)):
+            if (alike := kind_of_part == kind).any():
+                of_all = of_kind[kind] + float(np.log(max(count, 1)))
+                log_wrong[:, alike] += of_all - _log_sum_exp(log_wrong[:, alike])
+        return np.asarray(0.5 * (right + _softmax(log_wrong)))
+
     if part.all():
-        return np.asarray(chance @ causes.probabilities(prior, total))
+        return np.asarray(chance @ of_parts(prior, total))
     log_weight = prior + of_same * total
     if not part.any():
         return np.asarray(chance @ _softmax(log_weight))
@@ -142,7 +147,7 @@ def probabilities(
     lead = total[:, part] - best
     of_best = log_prior[~part][total[:, ~part].argmax(axis=1)][:, None]
     log_ratio = of_same * lead + log_prior[part] - of_best
-    which = causes.probabilities(prior[part] + _log_sigmoid(log_ratio), lead)
+    which = of_parts(prior[part] + _log_sigmoid(log_ratio), lead)
     sound, alone = np.asarray(at_floor)[part], np.asarray(at_floor)[~part].any()
     ahead = np.where(sound & ~alone, of_rows, of_same)
     behind = np.where(alone & ~sound, of_rows, of_run)
@@ -170,27 +175,6 @@ def _resamples(runs: int, enumerated: int) -> tuple[Array, Array]:
     times = np.array([np.bincount(runs_drawn, minlength=runs) for runs_drawn in drawn])
     ways = np.array([factorial(k) for k in range(runs + 1)])
     return times.astype(np.float64), ways[runs] / ways[times].prod(axis=1) / runs**runs
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Causes:
-    """Rivals with a part, by their `kinds` (rivals,), and how much of their scores counts if the
-    form of the likeliest is right, and if all are wrong. `all_of_kind`: log prior of each kind.
-    """
-
-    kinds: npt.NDArray[np.str_]
-    all_of_kind: Mapping[str, float]
-    of_right: float
-    of_wrong: float
-
-    def probabilities(self, log_prior: Array, scores: Array) -> Array:
-        """Probabilities of the rivals, (resamples, rivals), from their `scores` and prior."""
-        right = _softmax(log_prior + self.of_right * scores)
-        log_wrong = np.broadcast_to(log_prior + self.of_wrong * scores, scores.shape).copy()
-        for kind, of_all in self.all_of_kind.items():
-            if (of_kind := self.kinds == kind).any():
-                log_wrong[:, of_kind] += of_all - _log_sum_exp(log_wrong[:, of_kind])
-        return np.asarray(0.5 * (right + _softmax(log_wrong)))
 
 
 def _log_sum_exp(log: Array) -> Array:
