@@ -95,9 +95,7 @@ def commission(
 
 def _require_pairs(options: Mapping[str, Any]) -> None:
     if (options["folder"] is None) == (options["good"] is None):
-        raise click.UsageError(
-            "give --baseline FOLDER (of smad gap commission), or --good and --now"
-        )
+        raise click.UsageError("give --baseline FOLDER of smad gap commission, or --good and --now")
     if options["good"] is not None and options["now"] is None:
         raise click.UsageError("--good needs --now: the runs to judge")
 
