@@ -89,7 +89,7 @@ def test_a_queued_tune_asks_nobody(folder: Path) -> None:
         (["add", "tune", "sideways"], "is not one of"),
         (["add", "tune", "--help"], "a command with --help does nothing"),
         (["add", "checkup", "--baseline", "gone"], "no baseline"),
-        (["add", "checkup"], "give --baseline FOLDER (of smad gap commission), or --good"),
+        (["add", "checkup"], "give --baseline FOLDER of smad gap commission, or --good"),
         (["add", "checkup", "--good", "."], "--good needs --now"),
         (["add", "run", "endurance", "--cycles", "9", "--every", "3", "checkup"], "--baseline"),
         (["add", "move", "gone.toml"], "is not there"),
