@@ -38,8 +38,8 @@ class Grid:
     @classmethod
     def of(cls, run: GapRun, period_s: float) -> Grid:
         """Bins of `period_s`; a bin counts when at least half of its samples are valid."""
-        share = run.within_rounding(period_s, 1e-6)
-        bins = np.floor((run.t_s - run.t_s[0]) / period_s + share).astype(np.intp)
+        rounding = run.within_rounding(period_s, 1e-6)
+        bins = np.floor((run.t_s - run.t_s[0]) / period_s + rounding).astype(np.intp)
         starts = np.flatnonzero(np.r_[True, np.diff(bins) > 0])
         good = run.good.astype(np.float64)
         size = np.add.reduceat(np.ones_like(good), starts)
