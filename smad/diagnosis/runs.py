@@ -9,14 +9,14 @@ from functools import cached_property
 
 import numpy as np
 
-from smad.arrays import Array, Mask
+from smad.arrays import Array, Index, Mask
 from smad.diagnosis.errors import GapError
 from smad.records.units import Written
 
 _COARSE = 1e-6
 """Resolution of a clock, as a share of the sample interval, above which the interval is a mean."""
 _ROUNDINGS = 8.0
-"""Most roundings of a clock, all in one direction, in the place of a sample on a grid."""
+"""At most so many roundings are in a place on a grid: it is made of several times of the clock."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +108,14 @@ class GapRun:
         That is `usual`, or more for a clock that is rounded more coarsely.
         """
         return max(usual, _ROUNDINGS * self.resolution_s / max(period_s, 1e-9))
+
+    def period_numbers(self, elapsed_s: Array, period_s: float, usual: float) -> Index:
+        """Number of the period in which each of the times since a start lies, (n,).
+
+        `usual` is as of `within_rounding`.
+        """
+        share = self.within_rounding(period_s, usual)
+        return np.asarray(np.floor(elapsed_s / period_s + share), dtype=np.intp)
 
     @property
     def begins_s(self) -> float:

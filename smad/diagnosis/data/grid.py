@@ -38,8 +38,7 @@ class Grid:
     @classmethod
     def of(cls, run: GapRun, period_s: float) -> Grid:
         """Bins of `period_s`; a bin counts when at least half of its samples are valid."""
-        rounding = run.within_rounding(period_s, 1e-6)
-        bins = np.floor((run.t_s - run.t_s[0]) / period_s + rounding).astype(np.intp)
+        bins = run.period_numbers(run.t_s - run.t_s[0], period_s, 1e-6)
         starts = np.flatnonzero(np.r_[True, np.diff(bins) > 0])
         good = run.good.astype(np.float64)
         size = np.add.reduceat(np.ones_like(good), starts)
@@ -70,8 +69,7 @@ def thinned(run: GapRun, step_s: float, inputs: Sequence[Signal]) -> GapRun:
     """
     if run.dt_s > 0.7 * step_s or len(run.t_s) < 2:
         return run
-    share = run.within_rounding(step_s, 1e-6)
-    piece = np.floor((run.t_s - run.t_s[0]) / step_s + share).astype(np.intp)
+    piece = run.period_numbers(run.t_s - run.t_s[0], step_s, 1e-6)
     new = np.r_[True, np.diff(piece) > 0]
     for signal in inputs:
         if signal.name in run.inputs:

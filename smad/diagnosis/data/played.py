@@ -63,12 +63,11 @@ class Played:
 
         A row is replayed in so many `pieces`, and more where an input steps.
         """
-        share = run.within_rounding(period_s, 1e-6)
-        bins = int(np.floor((run.t_s[-1] - start_s) / period_s + share))
+        (bins,) = run.period_numbers(run.t_s[-1:] - start_s, period_s, 1e-6)
         return cls(
             run=thinned(run, period_s / pieces, inputs),
             inputs=tuple(inputs),
-            bins=max(bins, 1),
+            bins=max(int(bins), 1),
             start_s=start_s,
             period_s=period_s,
         )

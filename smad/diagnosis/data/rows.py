@@ -78,8 +78,7 @@ def offset_s(run: GapRun, reference: GapRun) -> float:
 def bin_numbers(run: GapRun, start_s: float, period_s: float) -> Index:
     """Bin of each sample, by the middle of the interval that it ends, (n,)."""
     middle = run.t_s - 0.5 * run.dt_s - start_s
-    share = run.within_rounding(period_s, 1e-9)
-    return np.asarray(np.floor(middle / period_s + share), dtype=np.intp)
+    return run.period_numbers(middle, period_s, 1e-9)
 
 
 def _whole_bin(dt_s: float, period_s: float) -> float:
