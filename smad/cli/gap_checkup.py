@@ -158,7 +158,7 @@ def checkup(
     facts = [("baseline", str(folder or good)), ("repeats", str(judgement.pairs.good.repeats))]
     save_model = functools.partial(judgement.save_model, plant)
     files = AnswerFiles(verdict=json_path, page=page_path, model=model_path)
-    again = shlex.join(["--sim"] * bench.sim + ["--baseline", str(folder)]) if folder else ""
+    again = shlex.join(["--baseline", str(folder)]) if folder else ""
     show_verdict(judgement, files, save_model, arguments=again, facts=facts)
 
 

@@ -284,8 +284,9 @@ def advice(
         return [("", "correct what is refused above, and ask again")]
     undecided = any(len(c.credible_places) > 1 or len(c.credible_names) > 1 for c in v.causes)
     if v.question == CHECK_UP:
-        more = f"smad gap investigate {arguments}"
-        return [(more, "measure more until one cause is left")] if undecided else []
+        same = "with the same --sim and --effect, or --bench and --axis"
+        why = f"measure more until one cause is left, {same}"
+        return [(f"smad gap investigate {arguments}", why)] if undecided else []
     out = []
     if undecided:
         out.append((f"smad gap next {arguments}", "which run would tell the rivals apart"))
