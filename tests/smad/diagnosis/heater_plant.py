@@ -28,7 +28,7 @@ from smad.diagnosis.runs import GapRun
 
 DT = 0.1
 DIVERGED = 1e12
-"""No plate is so hot: the steps are too long for its heat flow."""
+"""Beyond it, in °C, a step was too long for the heat flow of a plate, and the plant diverges."""
 
 
 @njit(cache=True)
