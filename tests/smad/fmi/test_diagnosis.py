@@ -1,6 +1,7 @@
 """A unit of FMI as a plant of the diagnosis, and what is said of units and maps that do not fit."""
 
 import gc
+import math
 import re
 import shutil
 import tempfile
@@ -55,6 +56,7 @@ def test_the_missing_radiation_of_a_heater_is_found_in_what_heats_it(
     unit: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("smad.simulators.expected._SLOW_S", 0.0)
+    monkeypatch.setattr("smad.simulators.expected._IN_MINUTES_S", math.inf)
     (tmp_path / "map.toml").write_text(MAP)
     runs = [str(run_file(tmp_path / f"{s}.csv", s, radiated=8.0)) for s in range(4)]
     ask = ["gap", "diagnose", *runs, "--fmu", str(unit), "--map", str(tmp_path / "map.toml")]
