@@ -23,7 +23,7 @@ def run(
     note: str = "",
     answered_only: bool = False,
 ) -> dict[str, Table]:
-    """Print the scores; with `out` keep them as a result. A sealed key is refused unless its hash
+    """Keep the scores in `out` if given, and print them. A sealed key is refused unless its hash
     was entered before and it was never opened; its use is entered in the log of openings.
 
     Raises WithheldError when answers and key do not belong together, and for such a key.
@@ -44,11 +44,12 @@ def run(
             source_sha256=source_of(verdicts),
             now=now,
         )
+    # A sealed key is scored once: the table is kept before a closed pipe can end the command.
+    if out is not None:
+        command = "python -m evaluation score" + " --answered-only" * answered_only
+        keep(out, by_heading, title=title, command=command, note=note)
     for heading, table in by_heading.items():
         print(heading)
         print_table(table)
         print()
-    if out is not None:
-        command = "python -m evaluation score" + " --answered-only" * answered_only
-        keep(out, by_heading, title=title, command=command, note=note)
     return by_heading

@@ -329,6 +329,19 @@ def test_scores_are_kept_as_a_result(tmp_path: Path) -> None:
     assert next(iter(result.tables)) == "Scores, check-up"
 
 
+def test_scores_are_kept_although_the_reader_of_the_output_leaves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(table: object) -> None:
+        raise BrokenPipeError
+
+    monkeypatch.setattr("evaluation.score.scoring.print_table", gone)
+    files = written(tmp_path, {"a": true("none")}, {"a": QUIET})
+    with pytest.raises(BrokenPipeError):
+        run(*files, out=tmp_path / "kept.json", title="T")
+    assert json.loads((tmp_path / "kept.json").read_text())["title"] == "T"
+
+
 def test_no_opening_of_a_sealed_bank_is_taken_back_or_changed() -> None:
     lines = (FOLDER / "openings.jsonl").read_bytes().splitlines(keepends=True)
     assert hashlib.sha256(b"".join(lines[:LINES])).hexdigest() == OPENED
