@@ -182,8 +182,8 @@ CHECKS: tuple[Check, ...] = (
     ),
     _row(
         Fault.NO_COOLING, checks.no_cooling, SPRINGS, WARM,
-        "{cooling_us} at full pump and no current removed less than {cooling_drop_permille} of an "
-        "excess of {cooling_excess_cC} or more",
+        "{cooling_us} at full pump without current lower an excess of {cooling_excess_cC} or more "
+        "by less than {cooling_drop_permille}",
     ),
     _row(
         Fault.ARMED_TOO_LONG, checks.armed_too_long, _BOARD, DRIVING,
