@@ -55,18 +55,7 @@ CELL_WIDTH = PLAY + PLAYS
     AVERAGED,
     SHRUNK,
     RESTED,
-    OXIDE,
     RUN_ON,
-    PLUGGED,
-    SILT,
-    BACKED_UP,
-    MOLTEN,
-    TRAILING,
-    KNOCKED,
-    OTHER_BEFORE,
-    LOADED,
-    TENSION_BEFORE,
-    CUT_OUT,
     SENSE_SOAK,
     MOTOR_WARM,
     CLAMP_WET,
@@ -118,7 +107,7 @@ CELL_WIDTH = PLAY + PLAYS
     BLOWN,
     LATE_SET,
     SIDE_WIDTH,
-) = range(96)
+) = range(85)
 
 (
     TIME,
@@ -137,8 +126,6 @@ CELL_WIDTH = PLAY + PLAYS
     INDEXED,
     SPONGE,
     DRIVERS_WARM,
-    TORN_AT,
-    PASSED,
     RETURNED,
     CHILLS,
     CHILLED_BY,
@@ -166,7 +153,7 @@ CELL_WIDTH = PLAY + PLAYS
     DUMMY,
     KNOT,
     PAIR_WIDTH,
-) = range(45)
+) = range(43)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

@@ -76,10 +76,6 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
-CHILLED = slot("chilled_on_one_side")
-PRESSURE = slot("tube_under_pressure")
-HEAVY = slot("heavy_pulley")
-BRAKED = slot("braked_vane")
 TWINS_FOLLOW = slot("following_twins")
 SHAKEN_FREE = slot("freed_by_pumps")
 REMNANTS = slot("reverting_remnants")
@@ -99,7 +95,6 @@ PADDLE = slot("paddle_in_water")
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 TAPER_m = 4e-3  # travel over which a dashpot's drag grows by a factor of 2.7
-VANE_m, GAIN_m_s2 = 2e-3, 0.02  # half of a braked vane, and a heavy pulley's acceleration
 RUN_IN_m, TOOTH_m = 3e-2, 2.5e-3  # way over which a guide runs in, and from tooth to tooth
 COLLAR_m, GRIPS_m = 1.5e-3, 3e-4  # half a collar's play, and how far it gives
 
@@ -112,20 +107,16 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     if e[s, DRIFT] > 0.0:
         strain *= 1.0 - 0.02 * e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
     total = 0.0
-    across = 0.0
     martensite = 0.0
     reverted = 0.0
     for i in range(CELLS):
         fraction = cells[s, i, FRACTION]
         martensite += fraction / CELLS
-        across += (cells[s, i, T] - cells[s, i, W]) / CELLS
         reverted += min(max(cells[s, i, T] - 42.0, 0.0) / 10.0, 1.0) / CELLS
         total += 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
-    side[s, GROWN] = 1e-3 * e[s, CHILLED] * across / 10.0
-    side[s, GROWN] += 1e-3 * e[s, PRESSURE] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
-    side[s, GROWN] += 1e-3 * e[s, TWINS_FOLLOW] * side[s, TWINS]
+    side[s, GROWN] = 1e-3 * e[s, TWINS_FOLLOW] * side[s, TWINS]
     side[s, GROWN] += 1e-3 * e[s, TWINS_RUBBING] * martensite * side[s, TWINS_RUB]
     side[s, GROWN] += 1e-3 * e[s, LATE_STRAIN] * (side[s, LATE_SET] - martensite)
     side[s, GROWN] += 1e-3 * (e[s, SHIFTS] * side[s, PIN] - e[s, REMNANTS] * reverted)
@@ -247,12 +238,9 @@ def resisting(
     v = (x - before) / dt / 5e-4
     total += rubbing * v / (abs(v) + 1.0)
     slope += rubbing / (abs(v) + 1.0) ** 2 / dt / 5e-4
-    off = (before - 6e-3 * (e[2, BRAKED] - 0.5)) / VANE_m
-    braking = e[0, BRAKED] * math.exp(-off * off) / dt / 5e-3
-    braking += e[0, TAPERING] * math.exp(before / TAPER_m) / dt / 5e-3
-    heavy = e[0, HEAVY] / GAIN_m_s2 / dt
-    total += braking * (x - before) + heavy * ((x - before) / dt - pair[SPEED])
-    slope += braking + heavy / dt
+    braking = e[0, TAPERING] * math.exp(before / TAPER_m) / dt / 5e-3
+    total += braking * (x - before)
+    slope += braking
     v = (x - before) / dt / 5e-3
     total += e[0, PADDLE] * v * abs(v)
     slope += 2.0 * e[0, PADDLE] * abs(v) / dt / 5e-3

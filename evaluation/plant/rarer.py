@@ -23,7 +23,6 @@ from evaluation.plant.layout import (
     CHARGED,
     CLAMP_WARM,
     CLAMP_WET,
-    CUT_OUT,
     DRAGGED,
     DUMMY,
     FLOW,
@@ -33,24 +32,18 @@ from evaluation.plant.layout import (
     FROTH,
     HALL_WARM,
     LATE_SET,
-    LOADED,
-    MOLTEN,
     MOTOR_WARM,
     ORDERED,
     OTHER_PLUME,
-    OXIDE,
     PIN,
-    PLUGGED,
     PUMP,
     RATE,
     REGULATOR,
     RUBBED_BEFORE,
     RUST,
     SHARE_BEFORE,
-    SILT,
     SLIME,
     SPEED,
-    TENSION_BEFORE,
     TIME,
     TRAINED,
     TWINS,
@@ -78,11 +71,6 @@ DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
 BENT = slot("bent_coils")
-COHERES = slot("cohering_crimp")
-SILTING = slot("silt_on_still_coils")
-RELIEF = slot("relief_of_martensite")
-GEL = slot("melting_gel")
-FAN = slot("swinging_fan")
 CRACKLING = slot("crackling_wire")
 FANNED = slot("fanned_by_tendon")
 MOTOR_BELOW = slot("motor_under_tube")
@@ -106,25 +94,20 @@ DUMMY_LOAD = slot("dummy_load_under_tubes")
 PRESSED = slot("clamp_pressed_by_pull")
 
 CLAMP_J_K = 3.0
-GEL_degC, GEL_J = 38.0, 12.0  # where a gel melts, and what that takes
-CUTS_degC, MAKES_degC = 46.0, 40.0  # wire at which a bimetal beside it opens and closes
 PIN_SHIFTS_N, PIN_RETURNS_N = 1.5, 1.3  # load at which an anchor's pin shifts and returns
 RUBS_N = 0.25  # change of load over which rubbing twins turn round
 BELT_ON_degC, BELT_OFF_degC = 30.0, 33.0  # mean water that switches a heating belt
 FAN_ON_degC, FAN_OFF_degC = 36.0, 32.0  # mean water that switches a fan
 BASE_A = 0.5  # sum of currents below which a supply needs its dummy load
-FAN_S = 18.0  # how long a fan takes to come back
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
 
 
 @compiled
-def joints(s: int, e: Array, cells: Array, side: Array, heat: Array) -> float:
-    """What the ends of spring `s` and their leads add to its resistance (ohm), and to `heat`."""
-    inlet = e[s, COHERES] * side[s, OXIDE]
+def joints(s: int, e: Array, cells: Array, heat: Array) -> float:
+    """What the end of spring `s` at the outlet adds to its resistance (ohm), and to `heat`."""
     outlet = e[s, LOOSENING] * max(cells[s, CELLS - 1, T] - 32.0, 0.0) / 10.0
-    heat[0] += inlet
     heat[CELLS - 1] += outlet
-    return float(inlet + outlet)
+    return float(outlet)
 
 
 @compiled
@@ -154,23 +137,11 @@ def bend(s: int, e: Array, pair: Array, rows: Array) -> None:
 
 
 @compiled
-def gel_over(s: int, cells: Array, side: Array) -> float:
-    """How far (K) the water of `s` is above a gel that melts or sets; 0 where it can do neither."""
-    over = -GEL_degC
-    for i in range(CELLS):
-        over += cells[s, i, W] / CELLS
-    left = 1.0 - side[s, MOLTEN] if over > 0.0 else side[s, MOLTEN]
-    return over if left > 0.0 else 0.0
-
-
-@compiled
 def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array) -> None:
     """Change `rows` by what films, losses, ends and cores do to a tube."""
     speed = abs(pair[SPEED])
-    stirred = 1.0 / (1.0 + e[s, SILTING] * side[s, SILT])
-    wetter = 1.0 + e[0, FAN] * math.sin(math.pi * (pair[TIME] / FAN_S + e[2, FAN])) ** 2
-    stirred *= 1.0 + e[s, CRACKLING] * side[s, RATE] / (side[s, RATE] + 0.05)
-    wetter *= 1.0 + e[0, FANNED] * speed / (speed + 2e-3)
+    stirred = 1.0 + e[s, CRACKLING] * side[s, RATE] / (side[s, RATE] + 0.05)
+    wetter = 1.0 + e[0, FANNED] * speed / (speed + 2e-3)
     stirred /= 1.0 + e[s, FLAKES] * side[s, AFLOAT]
     drawn_in = pair[X] if s == 0 else -pair[X]
     wetter *= 1.0 + e[s, LAGGING] * min(max(drawn_in / 4e-3, 0.0), 1.0)
@@ -189,47 +160,21 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
     rows[0, HEAT_WIRE] += e[s, CLAMP] * (side[s, CLAMP_WARM] - cells[s, 0, T])
     rows[CELLS - 1, TO_CLAMP] += e[s, SPRAYED] * side[s, CLAMP_WET]
     rows[0, TO_CLAMP] += e[s, PRESSED] * max(tension, 0.0) / 1.24
-    melting = e[s, GEL] * gel_over(s, cells, side)
     for i in range(CELLS):
-        rows[i, HEAT_WATER] += (warming - melting) / CELLS
+        rows[i, HEAT_WATER] += warming / CELLS
         rows[i, HEAT_WATER] += e[s, MOTOR_BELOW] * side[s, MOTOR_WARM] / CELLS
-        rows[i, FILM] *= stirred * (1.0 + e[s, RELIEF] * cells[s, i, FRACTION])
+        rows[i, FILM] *= stirred
         rows[i, LOSS] *= wetter
         rows[i, LOSS] += framed
         rows[i, HEAT_WATER] += e[1 - s, PLUME] * side[s, OTHER_PLUME] / CELLS
 
 
 @compiled
-def linger(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
-    """Update what an oxide, gas, silt, a gel and the load leave of a tick of spring `s`."""
-    grown = approach(side[s, OXIDE], 1.0, dt, 10.0)
-    side[s, OXIDE] = grown * math.exp(-dt * (side[s, AMPERE] / 2.0) ** 2 / 1.5)
-    warmth = 0.0
-    for i in range(CELLS):
-        warmth += cells[s, i, T] / CELLS
-    plugged = side[s, PLUGGED] + dt / 5.0 * max(warmth - 38.0, 0.0) / 10.0
-    side[s, PLUGGED] = plugged * math.exp(-dt * side[s, FLOW] / p[FULL_FLOW] / 1.5)
-    still = approach(side[s, SILT], 1.0, dt, 15.0)
-    side[s, SILT] = still * math.exp(-dt * abs(pair[SPEED]) / 2e-3)
-    molten = side[s, MOLTEN] + dt * e[s, GEL] * gel_over(s, cells, side) / GEL_J
-    side[s, MOLTEN] = min(max(molten, 0.0), 1.0)
-    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
-    side[s, LOADED] += abs(tension - side[s, TENSION_BEFORE])
-    side[s, TENSION_BEFORE] = tension
-
-
-@compiled
 def follow(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
-    """Update what follows spring `s` late: a bimetal, a motor's warmth, a wet clamp, twins."""
-    warmth = 0.0
+    """Update what follows spring `s` late: a motor's warmth, a wet clamp, twins."""
     fraction = 0.0
     for i in range(CELLS):
-        warmth += cells[s, i, T] / CELLS
         fraction += cells[s, i, FRACTION] / CELLS
-    if warmth > CUTS_degC:
-        side[s, CUT_OUT] = approach(side[s, CUT_OUT], 1.0, dt, 0.3)
-    elif warmth < MAKES_degC:
-        side[s, CUT_OUT] = approach(side[s, CUT_OUT], 0.0, dt, 0.3)
     side[s, MOTOR_WARM] = approach(side[s, MOTOR_WARM], side[s, PUMP], dt, 8.0)
     share = side[s, FLOW] / p[FULL_FLOW]
     slow = 2.0 if share > side[s, CLAMP_WET] else 12.0

@@ -36,14 +36,11 @@ from evaluation.plant.layout import (
     HALL_WARM,
     HELD_FORCE,
     INDEXED,
-    KNOCKED,
     LAST_SHOWN,
     LEAD_WARM,
     LOGGED,
     MISTED,
     OHM,
-    OTHER_BEFORE,
-    PASSED,
     PASTED,
     PUMP,
     REPORTED,
@@ -66,8 +63,6 @@ from evaluation.plant.layout import (
     SWITCHED_AT,
     TAPE,
     TIME,
-    TORN_AT,
-    TRAILING,
     TURNED,
     WAITS,
     WHEEL,
@@ -104,14 +99,6 @@ RIPPLE_FILTER = slot("ripple_filter")
 WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
-AUTO_ZERO = slot("drifting_zero")
-MAKES_UP = slot("hasty_transmitter")
-KNOCKS = slot("knocked_transmitter")
-DRAGGED_HEAD = slot("dragged_head")
-TORN = slot("torn_line")
-PULSES = slot("pulses_in_amplifier")
-MISSING = slot("missing_codes")
-BATTERY = slot("sensors_on_battery")
 SOAKS = slot("soaking_sense")
 INSULATION = slot("leaking_insulation")
 UNSYNCHRONISED = slot("unsynchronised_clock")
@@ -160,10 +147,7 @@ STARTLES_PER_S = 0.5  # change of a pump's speed that an indicator waits for
 CONVERTS_S = 0.5  # how often a voltmeter keeps a conversion for its average
 STANDS_m_s = 2e-4  # speed at which a logger reads twice as often
 CARRIER_S = 5.5  # how often a carrier beats with the chopped currents
-ZEROS_S, HASTE_S = 7.0, 0.5  # between zeros of a voltmeter; over which an RTD's rate is taken
-TORN_mm = 0.1  # half a torn line's length
 STUCK_K, RUBS_m = 4.0, 1e-3  # how far a winding and a cable give before they slip
-CODE_N = 1.4  # what a converter reads in place of missing codes
 LINE_mm = 4.0  # from one line of a scale to the next
 
 
@@ -204,16 +188,10 @@ def rtd(
             warm += (cells[1 - s, j, W] - 27.0) / CELLS
         side[s, LEAD_WARM] = approach(side[s, LEAD_WARM], warm / 20.0, dt, 8.0)
         reading += e[1 - s, RTD_LEAD] * side[s, LEAD_WARM]
-    switched = abs(side[1 - s, AMPERE] - side[s, OTHER_BEFORE]) / 4.0
-    side[s, OTHER_BEFORE] = side[1 - s, AMPERE]
-    side[s, KNOCKED] = approach(side[s, KNOCKED], 0.0, dt, 4.0) + switched
-    reading += e[1 - s, KNOCKS] * side[s, KNOCKED]
     soaked = 0.0
     for j in range(CELLS):
         soaked += (cells[s, j, W] - 27.0) / CELLS
     reading += e[s, INSULATION] * side[s, AMPERE] / 4.0 * max(soaked, 0.0) / 10.0
-    side[s, TRAILING] = approach(side[s, TRAILING], reading, dt, HASTE_S)
-    reading += e[s, MAKES_UP] * (reading - side[s, TRAILING]) / HASTE_S
     stuck = side[s, STUCK] + (side[s, RTD_B] - side[s, SEEN_BEFORE]) / STUCK_K
     side[s, STUCK] = min(max(stuck, -1.0), 1.0)
     side[s, SEEN_BEFORE] = side[s, RTD_B]
@@ -252,7 +230,6 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     if e[0, SLIP] > 0.0 and pair[FORCE_X] > 1.4:
         pair[SLIPPED] -= e[0, SLIP] * (moved if moved > 0.0 else 0.4 * moved)
     reading = pair[ENCODER] + pair[SLIPPED]
-    reading -= e[0, DRAGGED_HEAD] * pair[SPEED] / (abs(pair[SPEED]) + 5e-4)
     pair[YIELDED] = approach(pair[YIELDED], (pair[FORCE_X] - 1.24) / 0.4, dt, 6.0)
     reading += e[0, BRACKET] * pair[YIELDED]
     reading += e[0, BOWED] * (seen_mm / 5.0) ** 2
@@ -269,12 +246,6 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     reading += e[0, SOFT_WHEEL] * pair[WHEEL]
     pair[TAPE] = approach(pair[TAPE], reading, dt, 5.0)
     reading -= e[0, SOFT_TAPE] * (reading - pair[TAPE])
-    time = pair[TIME]
-    torn = math.tanh((seen_mm + 2.0 - 6.0 * e[2, TORN]) / TORN_mm)
-    if time > dt:
-        pair[PASSED] += 0.5 * abs(torn - pair[TORN_AT])
-    pair[TORN_AT] = torn
-    reading += e[0, TORN] * pair[PASSED]
     if e[0, WIDE_INDEX] > 0.0:
         off = seen_mm - 6.0 * (e[2, WIDE_INDEX] - 0.5)
         if abs(off) > 1.0:
@@ -293,7 +264,6 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
         pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
         reading += e[0, FORCE_CREEP] * (0.5 * pair[CREEP_FAST] + pair[CREEP_SLOW])
     reading += e[0, FORCE_OFFSET] * (1.0 - 0.2 * math.exp(-time / 25.0))
-    reading += e[0, PULSES] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 5e-4)
     off = CELL_RAD_S * (reading - pair[CELL_SWING])
     off -= 2.0 * CELL_DAMPING * pair[CELL_SWING_RATE]
     pair[CELL_SWING_RATE] += dt * CELL_RAD_S * off
@@ -320,8 +290,6 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     pair[HELD_FORCE] = reading
     pair[CABLE] = min(max(pair[CABLE] + dt * pair[SPEED] / RUBS_m, -1.0), 1.0)
     reading += e[0, RUBS] * pair[CABLE]
-    if abs(reading - CODE_N) < e[0, MISSING]:
-        reading = CODE_N
     if abs(reading - pair[REPORTED]) > e[0, THRIFTY]:
         pair[REPORTED] = reading
     return float(pair[REPORTED])
@@ -349,7 +317,6 @@ def read(
         out[s] = side[s, AMPERE]
         out[s] -= e[s, VALLEY] * side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
-        out[s] *= max(0.1, 1.0 - e[0, BATTERY] * pair[TIME] / 60.0)
         side[s, COIL_LAG] = approach(side[s, COIL_LAG], out[s], dt, 2.0)
         out[s] += e[s, OVERSHOOTS] * (out[s] - side[s, COIL_LAG])
         out[s] *= max(0.1, 1.0 + e[s, ON_RETURN] * side[s, HALL_WARM])
@@ -369,8 +336,6 @@ def read(
             out[2 + s] *= 1.0 - e[s, MIST] * side[s, MISTED]
         side[s, SENSE_SOAK] = approach(side[s, SENSE_SOAK], out[2 + s], dt, 5.0)
         out[2 + s] -= e[s, SOAKS] * (out[2 + s] - side[s, SENSE_SOAK])
-        turn = pair[TIME] / ZEROS_S + e[2, AUTO_ZERO]
-        out[2 + s] += e[s, AUTO_ZERO] * (turn - math.floor(turn))
         turn = pair[TIME] / CONVERTS_S
         if math.floor(turn) != math.floor(turn - dt / CONVERTS_S):
             side[s, CONVERTED] = out[2 + s]

@@ -13,7 +13,6 @@ from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
-    BACKED_UP,
     BUBBLE,
     CELLS,
     CHILLED_BY,
@@ -38,7 +37,6 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
-BACKWASH = slot("warm_backwash")
 CHILLER = slot("relay_chiller")
 COOLED_DRIVER = slot("water_cooled_driver")
 FLOAT_VALVE = slot("float_valve")
@@ -125,9 +123,6 @@ def entering(
         beside += cells[s, i, W] / CELLS
     side[s, FEED_WARM] = approach(side[s, FEED_WARM], beside, dt, 4.0)
     source += e[s, FEED_WOUND] * side[s, FEED_WARM] / (1.0 + 4.0 * side[s, FLOW] / 0.55)
-    backed = approach(side[s, BACKED_UP], cells[s, 0, W] - source, dt, 8.0)
-    side[s, BACKED_UP] = backed * math.exp(-dt * side[s, FLOW] / 0.55 / 1.5)
-    source += e[s, BACKWASH] * side[s, BACKED_UP]
     if s == 0:
         chill(cells, side, pair, dt)
         refill(side, pair, dt)
