@@ -41,6 +41,7 @@ from evaluation.plant.layout import (
     THROTTLE,
     TIME,
     TIRED,
+    VORTEX,
     WOUND,
     X,
 )
@@ -82,6 +83,10 @@ INRUSH_LIMIT = slot("inrush_limiter")
 REFERENCE = slot("settling_reference")
 THROTTLE_PLAY = slot("play_in_throttle")
 KICKS = slot("kick_started_pump")
+BURSTS = slot("burst_firing")
+WORN_TRACK = slot("worn_setpoint_track")
+LIFTS_PUMP = slot("pump_on_heater_ground")
+SUCKS_AIR = slot("vortex_over_intake")
 
 CURRENT_LIMIT_A = 4.0
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
@@ -92,6 +97,9 @@ GEARS_S = 7.0  # how often two worn gears meet again
 COUNTS_A2_S, HOLDS_S = 20.0, 1.5  # what an electronic fuse passes, then how long it holds back
 FALLS_BACK_S = 2.0  # how long a flow switch stays after its flow
 GATHERS_AT, BLOWN_OUT_AT = 0.05, 0.85  # speed of a pump whose head gathers air, or loses it
+BURST_S = 3.0  # how often a driver fires a burst
+TRACK_A = 0.4  # how much of a set value's track is worn
+VORTEX_AT, VORTEX_S = 0.6, 3.0  # both flows' share above which a vortex grows, and how fast
 FLOWS_AT = 0.1  # speed of a pump from which a flow switch sees its flow
 
 
@@ -122,6 +130,11 @@ def current(
     side[s, WOUND] = min(max(side[s, WOUND], i - half), i + half)
     if i > 0.0:
         i = max(side[s, WOUND], 0.0)
+    off = (i - 1.0 - 2.0 * e[2, WORN_TRACK]) / TRACK_A
+    i *= 1.0 - min(e[s, WORN_TRACK], 0.9) * math.exp(-off * off)
+    turn = pair[TIME] / BURST_S + e[2, BURSTS]
+    burst = CURRENT_LIMIT_A if turn - math.floor(turn) < i / CURRENT_LIMIT_A else 0.0
+    i += min(e[s, BURSTS], 1.0) * (burst - i)
     turn = pair[TIME] / CALIBRATES_S + e[2, CALIBRATES]
     if turn - math.floor(turn) < 1.0 / CALIBRATES_S:
         i *= 1.0 - min(e[s, CALIBRATES], 0.9)
@@ -189,6 +202,7 @@ def _pump_speed(
 def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) -> float:
     """Heat capacity rate (W/K) of the water through tube `s`."""
     share = _pump_speed(s, p, e, side, pair, ring, dt)
+    share += e[s, LIFTS_PUMP] * side[s, AMPERE] / 4.0
     share += e[s, KICKS] * side[s, KICK]
     half = 0.5 * e[s, THROTTLE_PLAY]
     side[s, THROTTLE] = min(max(side[s, THROTTLE], share - half), share + half)
@@ -237,6 +251,11 @@ def flows(p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) 
     headless = max(1.0 - e[0, POT] * pair[RETURN_POT], 0.05)
     x *= headless
     y *= headless
+    drawn = max((x + y) / full - VORTEX_AT, 0.0)
+    pair[VORTEX] = approach(pair[VORTEX], drawn, dt, VORTEX_S)
+    airless = max(1.0 - e[0, SUCKS_AIR] * pair[VORTEX], 0.05)
+    x *= airless
+    y *= airless
     side[0, FLOW] = x + e[1, LEAK] * y**2 / full
     side[1, FLOW] = y + e[0, LEAK] * x**2 / full
     spilt = (side[0, FLOW] + side[1, FLOW]) / full

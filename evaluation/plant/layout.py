@@ -106,8 +106,16 @@ CELL_WIDTH = PLAY + PLAYS
     SLIME,
     BLOWN,
     LATE_SET,
+    CARRIED,
+    LINT,
+    CURED,
+    CURING,
+    LIT,
+    BRAKING,
+    STRETCHED,
+    VARIANTS,
     SIDE_WIDTH,
-) = range(85)
+) = range(93)
 
 (
     TIME,
@@ -152,8 +160,11 @@ CELL_WIDTH = PLAY + PLAYS
     MIXER,
     DUMMY,
     KNOT,
+    VORTEX,
+    STIRRED,
+    UNCOUNTED,
     PAIR_WIDTH,
-) = range(43)
+) = range(46)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

@@ -39,10 +39,12 @@ from evaluation.plant.layout import (
     SPEED,
     SPILT,
     SPONGE,
+    TIME,
     TONGUE,
     TURNED,
     TWINS,
     TWINS_RUB,
+    VARIANTS,
     WORK_DONE,
     T,
     W,
@@ -91,11 +93,15 @@ TAPERING = slot("tapering_dashpot")
 FELT = slot("wet_felt")
 LATE_STRAIN = slot("late_strain")
 PADDLE = slot("paddle_in_water")
+SETTLES = slot("relaxing_coils")
+TAPED = slot("taped_slide")
+GUY = slot("relaxing_guy")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 TAPER_m = 4e-3  # travel over which a dashpot's drag grows by a factor of 2.7
 RUN_IN_m, TOOTH_m = 3e-2, 2.5e-3  # way over which a guide runs in, and from tooth to tooth
+TAPE_END_m, GUY_S = 5e-4, 20.0  # how sharp a tape's end is, and how fast a guy relaxes
 COLLAR_m, GRIPS_m = 1.5e-3, 3e-4  # half a collar's play, and how far it gives
 
 
@@ -119,6 +125,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     side[s, GROWN] = 1e-3 * e[s, TWINS_FOLLOW] * side[s, TWINS]
     side[s, GROWN] += 1e-3 * e[s, TWINS_RUBBING] * martensite * side[s, TWINS_RUB]
     side[s, GROWN] += 1e-3 * e[s, LATE_STRAIN] * (side[s, LATE_SET] - martensite)
+    side[s, GROWN] += 1e-3 * e[s, SETTLES] * side[s, VARIANTS]
     side[s, GROWN] += 1e-3 * (e[s, SHIFTS] * side[s, PIN] - e[s, REMNANTS] * reverted)
     side[s, GROWN] -= 1e-3 * (e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, MOBILE] > 0.0:
@@ -232,6 +239,8 @@ def resisting(
     rubbing += e[0, SKEWED] * (before / 5e-3) ** 2
     rubbing += e[0, FELT] * pair[SPILT]
     rubbing += e[0, RUNS_IN] * math.exp(-pair[RUN_IN] / RUN_IN_m)
+    taped = (before - 6e-3 * (e[2, TAPED] - 0.5)) / TAPE_END_m
+    rubbing += e[0, TAPED] * 0.5 * (1.0 + math.tanh(taped))
     if x > before:
         teeth = before / TOOTH_m + e[2, PAWL]
         rubbing += e[0, PAWL] * (teeth - math.floor(teeth))
@@ -253,6 +262,7 @@ def resisting(
     slope += e[0, PUSHED] / GRIPS_m if 0.0 < over < GRIPS_m else 0.0
     hung, stiff = tied(x, e)
     hung += jets(full_flow, e, side) - e[0, BIMETAL] * pair[TONGUE]
+    hung -= e[0, GUY] * math.exp(-pair[TIME] / GUY_S)
     return total + hung, slope + stiff, bristle
 
 

@@ -17,12 +17,16 @@ from evaluation.plant.layout import (
     BACK_STRESS,
     BELT,
     BLOWN,
+    BRAKING,
+    CARRIED,
     CELL_SOAK,
     CELL_UNEVEN,
     CELLS,
     CHARGED,
     CLAMP_WARM,
     CLAMP_WET,
+    CURED,
+    CURING,
     DRAGGED,
     DUMMY,
     FLOW,
@@ -32,6 +36,8 @@ from evaluation.plant.layout import (
     FROTH,
     HALL_WARM,
     LATE_SET,
+    LINT,
+    LIT,
     MOTOR_WARM,
     ORDERED,
     OTHER_PLUME,
@@ -44,10 +50,13 @@ from evaluation.plant.layout import (
     SHARE_BEFORE,
     SLIME,
     SPEED,
+    SPEED_BEFORE,
+    STRETCHED,
     TIME,
     TRAINED,
     TWINS,
     TWINS_RUB,
+    VARIANTS,
     T,
     W,
     X,
@@ -92,22 +101,40 @@ SLIMY = slot("scoured_slime")
 BLOWS = slot("thermostat_fan")
 DUMMY_LOAD = slot("dummy_load_under_tubes")
 PRESSED = slot("clamp_pressed_by_pull")
+SOLDER = slot("migrating_solder")
+LINTY = slot("lint_in_coil")
+CAM_LAMP = slot("cam_switched_lamp")
+BRAKES = slot("brake_resistor_under_tube")
+RESIN = slot("curing_resin")
 
 CLAMP_J_K = 3.0
 PIN_SHIFTS_N, PIN_RETURNS_N = 1.5, 1.3  # load at which an anchor's pin shifts and returns
 RUBS_N = 0.25  # change of load over which rubbing twins turn round
 BELT_ON_degC, BELT_OFF_degC = 30.0, 33.0  # mean water that switches a heating belt
 FAN_ON_degC, FAN_OFF_degC = 36.0, 32.0  # mean water that switches a fan
+CAM_ON_m, CAM_OFF_m = 2.5e-3, 1e-3  # own contraction at which a cam switches a lamp
+CURES_degC, CURES_K_s = 34.0, 100.0  # wire above which a resin cures, and what that takes
 BASE_A = 0.5  # sum of currents below which a supply needs its dummy load
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
 
 
 @compiled
-def joints(s: int, e: Array, cells: Array, heat: Array) -> float:
-    """What the end of spring `s` at the outlet adds to its resistance (ohm), and to `heat`."""
+def mean(s: int, column: int, less: float, cells: Array) -> float:
+    """Mean over the cells of spring `s` of what a column of theirs is above `less`."""
+    total = 0.0
+    for i in range(CELLS):
+        total += (cells[s, i, column] - less) / CELLS
+    return total
+
+
+@compiled
+def joints(s: int, e: Array, cells: Array, side: Array, heat: Array) -> float:
+    """What the ends of spring `s` and their leads add to its resistance (ohm), and to `heat`."""
+    inlet = e[s, SOLDER] * (1.0 - math.exp(-side[s, CARRIED]))
     outlet = e[s, LOOSENING] * max(cells[s, CELLS - 1, T] - 32.0, 0.0) / 10.0
+    heat[0] += inlet
     heat[CELLS - 1] += outlet
-    return float(outlet)
+    return float(inlet + outlet)
 
 
 @compiled
@@ -149,10 +176,12 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
     stirred /= 1.0 + e[s, RUSTS] * side[s, RUST]
     stirred /= 1.0 + e[s, FROTHS] * side[s, FROTH]
     stirred /= 1.0 + e[s, SLIMY] * side[s, SLIME]
+    stirred /= 1.0 + e[s, LINTY] * side[s, LINT]
     wetter *= 1.0 + e[s, BLOWS] * side[s, BLOWN]
     rows[0, HEAT_WIRE] += e[s, UNLIKE] * side[s, AMPERE]
     warming = e[s, BELTED] * side[s, BELT] + e[s, REGULATED] * side[s, REGULATOR]
     warming += e[0, DUMMY_LOAD] * pair[DUMMY]
+    warming += e[s, CAM_LAMP] * side[s, LIT] + e[s, BRAKES] * side[s, BRAKING]
     tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     framed = e[s, ON_FRAME] * min(max((tension - 1.24) / 0.4, 0.0), 1.0) / CELLS
     warmer = cells[1 - s, CELLS - 1, T] - cells[s, CELLS - 1, T]
@@ -163,6 +192,7 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
     for i in range(CELLS):
         rows[i, HEAT_WATER] += warming / CELLS
         rows[i, HEAT_WATER] += e[s, MOTOR_BELOW] * side[s, MOTOR_WARM] / CELLS
+        rows[i, HEAT_WIRE] += e[s, RESIN] * side[s, CURING] / CELLS
         rows[i, FILM] *= stirred
         rows[i, LOSS] *= wetter
         rows[i, LOSS] += framed
@@ -172,9 +202,7 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
 @compiled
 def follow(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
     """Update what follows spring `s` late: a motor's warmth, a wet clamp, twins."""
-    fraction = 0.0
-    for i in range(CELLS):
-        fraction += cells[s, i, FRACTION] / CELLS
+    fraction = mean(s, FRACTION, 0.0, cells)
     side[s, MOTOR_WARM] = approach(side[s, MOTOR_WARM], side[s, PUMP], dt, 8.0)
     share = side[s, FLOW] / p[FULL_FLOW]
     slow = 2.0 if share > side[s, CLAMP_WET] else 12.0
@@ -204,11 +232,7 @@ def trail(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt
 @compiled
 def haunt(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
     """Update what stays about spring `s`: a plume, rust, warmth in a load cell, interfaces."""
-    fraction = 0.0
-    beside = 0.0
-    for i in range(CELLS):
-        fraction += cells[s, i, FRACTION] / CELLS
-        beside += (cells[1 - s, i, W] - 27.0) / CELLS
+    beside = mean(1 - s, W, 27.0, cells)
     side[s, OTHER_PLUME] = approach(side[s, OTHER_PLUME], max(beside, 0.0) / 10.0, dt, 5.0)
     warm = (cells[s, CELLS - 1, W] - 27.0) / 20.0
     side[s, CELL_SOAK] = approach(side[s, CELL_SOAK], warm, dt, 10.0)
@@ -226,13 +250,9 @@ def haunt(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -
 @compiled
 def stay(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
     """Update what stays in spring `s` and its tube: order, load, hydrogen, a belt, froth."""
-    austenite = 0.0
-    warmth = 0.0
-    water = 0.0
-    for i in range(CELLS):
-        austenite += (1.0 - cells[s, i, FRACTION]) / CELLS
-        warmth += cells[s, i, T] / CELLS
-        water += cells[s, i, W] / CELLS
+    austenite = -mean(s, FRACTION, 1.0, cells)
+    warmth = mean(s, T, 0.0, cells)
+    water = mean(s, W, 0.0, cells)
     side[s, ORDERED] = approach(side[s, ORDERED], austenite, dt, 8.0)
     tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     side[s, TRAINED] += dt / 15.0 * austenite * tension / 1.24
@@ -254,18 +274,36 @@ def stay(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) ->
 @compiled
 def grow(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
     """Update what grows on spring `s` or waits for it: slime, a fan, a dummy load, late strain."""
-    water = 0.0
-    fraction = 0.0
-    for i in range(CELLS):
-        water += cells[s, i, W] / CELLS
-        fraction += cells[s, i, FRACTION] / CELLS
+    water = mean(s, W, 0.0, cells)
     grown = side[s, SLIME] + dt / 10.0 * max(water - 30.0, 0.0) / 10.0
     side[s, SLIME] = grown * math.exp(-dt * side[s, FLOW] / p[FULL_FLOW] / 6.0)
     if water > FAN_ON_degC:
         side[s, BLOWN] = approach(side[s, BLOWN], 1.0, dt, 1.0)
     elif water < FAN_OFF_degC:
         side[s, BLOWN] = approach(side[s, BLOWN], 0.0, dt, 1.0)
-    side[s, LATE_SET] = approach(side[s, LATE_SET], fraction, dt, 3.0)
+    side[s, LATE_SET] = approach(side[s, LATE_SET], mean(s, FRACTION, 0.0, cells), dt, 3.0)
     if s == 1:
         needed = 1.0 if side[0, AMPERE] + side[1, AMPERE] < BASE_A else 0.0
         pair[DUMMY] = approach(pair[DUMMY], needed, dt, 3.0)
+
+
+@compiled
+def collect(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Update what collects on spring `s` or is left in it: solder, lint, resin, stretch, lamps."""
+    side[s, CARRIED] += dt * side[s, AMPERE] / 40.0
+    drawn_in = pair[X] if s == 0 else -pair[X]
+    share = side[s, FLOW] / p[FULL_FLOW]
+    caught = side[s, LINT] + dt / 5.0 * share * max(drawn_in, 0.0) / 5e-3
+    side[s, LINT] = caught * math.exp(-dt / 3.0 * max(-drawn_in, 0.0) / 5e-3)
+    over = max(mean(s, T, CURES_degC, cells), 0.0)
+    side[s, CURING] = (1.0 - side[s, CURED]) * over / CURES_K_s
+    side[s, CURED] += dt * side[s, CURING]
+    if drawn_in > CAM_ON_m:
+        side[s, LIT] = approach(side[s, LIT], 1.0, dt, 0.3)
+    elif drawn_in < CAM_OFF_m:
+        side[s, LIT] = approach(side[s, LIT], 0.0, dt, 0.3)
+    # A motor's speed before this tick is the one that the load cell's indicator saw last.
+    lost = max(side[s, SPEED_BEFORE] - side[s, PUMP], 0.0)
+    side[s, BRAKING] = approach(side[s, BRAKING], 0.0, dt, 4.0) + lost
+    side[s, STRETCHED] = max(side[s, STRETCHED], -drawn_in / 5e-3)
+    side[s, VARIANTS] = approach(side[s, VARIANTS], -drawn_in / 5e-3, dt, 12.0)

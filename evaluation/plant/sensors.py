@@ -32,6 +32,7 @@ from evaluation.plant.layout import (
     FORCE_X,
     FORCE_Y,
     FRACTION,
+    FUSE_WARM,
     GLANCE,
     HALL_WARM,
     HELD_FORCE,
@@ -51,6 +52,7 @@ from evaluation.plant.layout import (
     RING_X,
     RTD_A,
     RTD_B,
+    RUST,
     SEEN_BEFORE,
     SENSE_SOAK,
     SINCE_LOGGED,
@@ -64,6 +66,7 @@ from evaluation.plant.layout import (
     TAPE,
     TIME,
     TURNED,
+    UNCOUNTED,
     WAITS,
     WHEEL,
     WHEEL_BEFORE,
@@ -139,6 +142,14 @@ JOINED = slot("joined_scales")
 TAUT_CABLE = slot("taut_cell_cable")
 EXCITATION = slot("sagging_excitation")
 PUMP_RAIL = slot("sensors_on_pump_rail")
+WAVY = slot("wavy_converter")
+WASHED = slot("washed_terminal")
+LOOSE_TIE = slot("loose_tie")
+DIMMED = slot("dimmed_lamp")
+DRYING = slot("drying_scale")
+SAGGING_LEAD = slot("sagging_lead")
+MOIST = slot("moist_gauge")
+MISCORRECTED = slot("wrong_compensation")
 
 CELL_RAD_S, CELL_DAMPING = 2.0 * math.pi * 0.2, 0.12  # slow enough for the load to excite it
 MISSED_S = 13.0  # after which two clocks are a whole sample apart
@@ -148,6 +159,8 @@ CONVERTS_S = 0.5  # how often a voltmeter keeps a conversion for its average
 STANDS_m_s = 2e-4  # speed at which a logger reads twice as often
 CARRIER_S = 5.5  # how often a carrier beats with the chopped currents
 STUCK_K, RUBS_m = 4.0, 1e-3  # how far a winding and a cable give before they slip
+WAVE_V = 0.8  # period of a converter's error
+DRIES_S = 20.0  # how long a scale takes to dry
 LINE_mm = 4.0  # from one line of a scale to the next
 
 
@@ -171,7 +184,8 @@ def rtd(
     if e[s, STEM_ERROR] > 0.0:
         side[s, STEM] = approach(side[s, STEM], 0.3 * seen + 0.7 * ambient, dt, 15.0)
         seen -= e[s, STEM_ERROR] * (seen - side[s, STEM])
-    side[s, RTD_A] = approach(side[s, RTD_A], seen, dt, p[RTD_LAG] + e[s, SLOW_RTD])
+    lifted = e[s, LOOSE_TIE] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 1e-3)
+    side[s, RTD_A] = approach(side[s, RTD_A], seen, dt, p[RTD_LAG] + e[s, SLOW_RTD] + lifted)
     if e[s, SLOW_RTD] > 0.0:
         side[s, RTD_B] = approach(side[s, RTD_B], side[s, RTD_A], dt, 0.35 * e[s, SLOW_RTD])
     else:
@@ -188,6 +202,7 @@ def rtd(
             warm += (cells[1 - s, j, W] - 27.0) / CELLS
         side[s, LEAD_WARM] = approach(side[s, LEAD_WARM], warm / 20.0, dt, 8.0)
         reading += e[1 - s, RTD_LEAD] * side[s, LEAD_WARM]
+    reading += e[s, WASHED] * (1.0 - math.exp(-2.0 * side[s, RUST]))
     soaked = 0.0
     for j in range(CELLS):
         soaked += (cells[s, j, W] - 27.0) / CELLS
@@ -213,7 +228,7 @@ def rtd(
 
 
 @compiled
-def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
+def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     """Encoder reading (mm) for the tendon's travel (mm)."""
     width = e[0, BACKLASH]
     before = pair[ENCODER]
@@ -240,10 +255,14 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     reading += e[0, LIFTING] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 1e-3)
     pair[WHEEL_LOST] += pair[SPILT] * (seen_mm - pair[WHEEL_BEFORE])
     reading -= e[0, WET_WHEEL] * pair[WHEEL_LOST]
+    drawn = (side[0, AMPERE] + side[1, AMPERE]) / 4.0
+    pair[UNCOUNTED] += drawn * (seen_mm - pair[WHEEL_BEFORE])
+    reading -= e[0, DIMMED] * pair[UNCOUNTED]
     pressed = (pair[FORCE_X] - 1.24) / 0.4
     pair[WHEEL] += pressed * (seen_mm - pair[WHEEL_BEFORE])
     pair[WHEEL_BEFORE] = seen_mm
     reading += e[0, SOFT_WHEEL] * pair[WHEEL]
+    reading *= 1.0 + e[0, DRYING] * (1.0 - math.exp(-pair[TIME] / DRIES_S))
     pair[TAPE] = approach(pair[TAPE], reading, dt, 5.0)
     reading -= e[0, SOFT_TAPE] * (reading - pair[TAPE])
     if e[0, WIDE_INDEX] > 0.0:
@@ -272,6 +291,8 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     reading += e[0, GHOST] * (side[1, RTD_B] - 27.0) / 20.0
     reading += e[0, GRADIENT] * side[0, CELL_UNEVEN]
     reading *= max(0.1, 1.0 - e[0, EXCITATION] * (side[0, AMPERE] + side[1, AMPERE]) / 4.0)
+    reading *= max(0.1, 1.0 - e[0, MOIST] * pair[SPILT])
+    reading += e[0, SAGGING_LEAD] * side[0, FUSE_WARM]
     reading += e[0, TAUT_CABLE] * max(pair[X] / 5e-3 - 0.3, 0.0)
     pair[DROP] += dt / 5.0 * side[0, FLOW] / 0.55
     pair[DROP] -= math.floor(pair[DROP])
@@ -323,12 +344,14 @@ def read(
         drawn_in = pair[X] if s == 0 else -pair[X]
         out[s] /= max(0.3, 1.0 + e[s, SWAYING] * drawn_in / 5e-3)
         out[s] *= max(0.1, 1.0 - e[0, PUMP_RAIL] * (side[0, PUMP] + side[1, PUMP]))
+        out[s] *= max(0.1, 1.0 + e[s, MISCORRECTED] * (side[s, RTD_B] - 27.0) / 20.0)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         out[2 + s] *= max(0.1, 1.0 + e[0, DIVIDER] * pair[DRIVERS_WARM])
         heard = max(out[2 + s], 0.0)
         out[2 + s] += e[s, RMS] * (math.sqrt(heard * p[SUPPLY]) - heard)
         out[2 + s] /= 1.0 + e[s, COMPRESSES] * max(out[2 + s], 0.0) / p[SUPPLY]
+        out[2 + s] += e[s, WAVY] * math.sin(2.0 * math.pi * out[2 + s] / WAVE_V)
         if e[s, MIST] > 0.0:
             share = side[s, FLOW] / p[FULL_FLOW]
             slow = 3.0 if share > side[s, MISTED] else 15.0
@@ -355,7 +378,7 @@ def read(
     if e[0, DELAY] > 0.0:
         wander = 1.0 + 0.15 * math.sin(2.0 * math.pi * (pair[TIME] / 20.0 + e[2, DELAY]))
         ticks = e[0, DELAY] * wander / dt
-    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, pair)
+    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, side, pair)
     out[8] += e[0, ON_HOSES] * (side[0, FLOW] - side[1, FLOW]) / p[FULL_FLOW]
     out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, side, pair)
     total = side[0, AMPERE] + side[1, AMPERE]

@@ -18,6 +18,7 @@ from evaluation.plant.layout import (
     FRACTION,
     HEATED_FROM,
     INNER_STRESS,
+    STRETCHED,
     TAKEN_UP,
     TRAINED,
     WORK_DONE,
@@ -42,6 +43,8 @@ ON_AUSTENITE = slot("load_on_austenite")
 HYDROGEN = slot("hydrogen_of_flow")
 TRAINS = slot("training_under_load")
 COAT = slot("mismatched_coat")
+DRAWN_OUT = slot("drawn_out_once")
+NEIGHBOUR = slot("crackling_neighbour")
 
 
 @compiled
@@ -66,6 +69,8 @@ def shifts(
     left -= e[s, TAKES_UP] * (stress / p[STRESS] - side[s, TAKEN_UP]) / 0.4
     left += e[s, ON_AUSTENITE] * (1.0 - cells[s, i, FRACTION]) * (stress / p[STRESS] - 1.24) / 0.4
     dragged = e[s, DRAGS] * side[s, DRAGGED]
+    dragged -= e[1 - s, NEIGHBOUR] * side[1 - s, DRAGGED]
+    left -= e[s, DRAWN_OUT] * side[s, STRETCHED]
     left -= e[s, HYDROGEN] * side[s, CHARGED]
     left += e[s, COAT] * (cells[s, i, T] - cells[s, i, W]) / 10.0
     cool += e[s, TRAINS] * (1.0 - math.exp(-side[s, TRAINED]))

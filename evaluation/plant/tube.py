@@ -49,6 +49,7 @@ from evaluation.plant.rarer import (
     LAMP,
     ROD,
     bend,
+    collect,
     elsewhere,
     follow,
     grow,
@@ -140,7 +141,7 @@ def resistance(s: int, p: Array, e: Array, cells: Array, side: Array, heat: Arra
         factor += e[s, MARTENSITE_WARMS] * cells[s, i, FRACTION] * warm
         heat[i] = base * factor / CELLS
         total += heat[i]
-    return float(total + joints(s, e, cells, heat))
+    return float(total + joints(s, e, cells, side, heat))
 
 
 @compiled
@@ -293,4 +294,5 @@ def tube(
     haunt(s, p, cells, side, pair, dt)
     stay(s, p, cells, side, pair, dt)
     grow(s, p, cells, side, pair, dt)
+    collect(s, p, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)
