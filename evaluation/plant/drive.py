@@ -14,7 +14,6 @@ from evaluation.plant.layout import (
     AIR_DRAWN,
     AMPERE,
     COUNTED,
-    CUT_OUT,
     DUTY_BEFORE,
     FLOW,
     FUSE_WARM,
@@ -29,7 +28,6 @@ from evaluation.plant.layout import (
     LAG_C,
     LONG_ON,
     OHM,
-    PLUGGED,
     PRIMED,
     PUMP,
     RETURN_POT,
@@ -43,6 +41,7 @@ from evaluation.plant.layout import (
     THROTTLE,
     TIME,
     TIRED,
+    VORTEX,
     WOUND,
     X,
 )
@@ -66,10 +65,6 @@ CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
 SUCTION = slot("shared_suction")
 MEMBRANE = slot("tired_membrane")
-SIPHON = slot("running_siphon")
-GAS_PLUG = slot("gas_plug")
-CUTS_OUT = slot("bimetal_cutout")
-BEATING = slot("beating_bridges")
 CRACKING = slot("cracking_valve")
 NARROW = slot("narrow_return")
 SLIP_RING = slot("worn_slip_ring")
@@ -88,10 +83,13 @@ INRUSH_LIMIT = slot("inrush_limiter")
 REFERENCE = slot("settling_reference")
 THROTTLE_PLAY = slot("play_in_throttle")
 KICKS = slot("kick_started_pump")
+BURSTS = slot("burst_firing")
+WORN_TRACK = slot("worn_setpoint_track")
+LIFTS_PUMP = slot("pump_on_heater_ground")
+SUCKS_AIR = slot("vortex_over_intake")
 
 CURRENT_LIMIT_A = 4.0
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
-BEAT_S = 11.0  # how often two bridges switch together
 RING_m = 6e-3  # travel from one worn spot of a slip ring to the next
 CALIBRATES_S = 9.0  # how often a driver calibrates itself, for 1 s
 SHAKES_AT, SHAKES_OVER = 0.55, 0.15  # speed at which a pump shakes, and how far from it
@@ -99,7 +97,10 @@ GEARS_S = 7.0  # how often two worn gears meet again
 COUNTS_A2_S, HOLDS_S = 20.0, 1.5  # what an electronic fuse passes, then how long it holds back
 FALLS_BACK_S = 2.0  # how long a flow switch stays after its flow
 GATHERS_AT, BLOWN_OUT_AT = 0.05, 0.85  # speed of a pump whose head gathers air, or loses it
-PRIMED_AT, SIPHON_S = 0.1, 6.0  # speed of a pump that starts a siphon, how long it runs on
+BURST_S = 3.0  # how often a driver fires a burst
+TRACK_A = 0.4  # how much of a set value's track is worn
+VORTEX_AT, VORTEX_S = 0.6, 3.0  # both flows' share above which a vortex grows, and how fast
+FLOWS_AT = 0.1  # speed of a pump from which a flow switch sees its flow
 
 
 @compiled
@@ -129,6 +130,11 @@ def current(
     side[s, WOUND] = min(max(side[s, WOUND], i - half), i + half)
     if i > 0.0:
         i = max(side[s, WOUND], 0.0)
+    off = (i - 1.0 - 2.0 * e[2, WORN_TRACK]) / TRACK_A
+    i *= 1.0 - min(e[s, WORN_TRACK], 0.9) * math.exp(-off * off)
+    turn = pair[TIME] / BURST_S + e[2, BURSTS]
+    burst = CURRENT_LIMIT_A if turn - math.floor(turn) < i / CURRENT_LIMIT_A else 0.0
+    i += min(e[s, BURSTS], 1.0) * (burst - i)
     turn = pair[TIME] / CALIBRATES_S + e[2, CALIBRATES]
     if turn - math.floor(turn) < 1.0 / CALIBRATES_S:
         i *= 1.0 - min(e[s, CALIBRATES], 0.9)
@@ -148,9 +154,6 @@ def current(
         target = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
         side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], target, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
-    i *= 1.0 - min(e[s, CUTS_OUT], 0.9) * side[s, CUT_OUT]
-    beat = math.sin(2.0 * math.pi * (pair[TIME] / BEAT_S + e[2, BEATING]))
-    i += e[0, BEATING] * min(i, side[1 - s, AMPERE]) * beat
     worn = math.sin(math.pi * (pair[X] / RING_m + e[2, SLIP_RING]))
     i *= 1.0 - min(e[s, SLIP_RING], 0.9) * worn * worn
     side[s, FUSE_WARM] = approach(side[s, FUSE_WARM], (side[s, AMPERE] / 4.0) ** 2, dt, 6.0)
@@ -199,6 +202,7 @@ def _pump_speed(
 def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) -> float:
     """Heat capacity rate (W/K) of the water through tube `s`."""
     share = _pump_speed(s, p, e, side, pair, ring, dt)
+    share += e[s, LIFTS_PUMP] * side[s, AMPERE] / 4.0
     share += e[s, KICKS] * side[s, KICK]
     half = 0.5 * e[s, THROTTLE_PLAY]
     side[s, THROTTLE] = min(max(side[s, THROTTLE], share - half), share + half)
@@ -223,10 +227,7 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
         slow = 10.0 if share > side[s, TIRED] else 25.0
         side[s, TIRED] = approach(side[s, TIRED], share, dt, slow)
         share *= 1.0 - min(e[s, MEMBRANE], 0.95) * min(side[s, TIRED], 1.0)
-    share /= 1.0 + e[s, GAS_PLUG] * side[s, PLUGGED]
-    side[s, RUN_ON] = 0.0 if side[s, PUMP] > PRIMED_AT else side[s, RUN_ON] + dt
-    if side[s, RUN_ON] < SIPHON_S:
-        share = max(share, e[s, SIPHON])
+    side[s, RUN_ON] = 0.0 if side[s, PUMP] > FLOWS_AT else side[s, RUN_ON] + dt
     full = p[FULL_FLOW] * (p[Y_FLOW] if s == 1 else 1.0)
     return float(full * share)
 
@@ -250,6 +251,11 @@ def flows(p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) 
     headless = max(1.0 - e[0, POT] * pair[RETURN_POT], 0.05)
     x *= headless
     y *= headless
+    drawn = max((x + y) / full - VORTEX_AT, 0.0)
+    pair[VORTEX] = approach(pair[VORTEX], drawn, dt, VORTEX_S)
+    airless = max(1.0 - e[0, SUCKS_AIR] * pair[VORTEX], 0.05)
+    x *= airless
+    y *= airless
     side[0, FLOW] = x + e[1, LEAK] * y**2 / full
     side[1, FLOW] = y + e[0, LEAK] * x**2 / full
     spilt = (side[0, FLOW] + side[1, FLOW]) / full

@@ -24,9 +24,6 @@ SIGNED = (
             "convection_exponent",
             "stress_latent_heat",
             "motor_beside_sensor",
-            "drifting_zero",
-            "pulses_in_amplifier",
-            "warm_latent",
             "bracket_on_hoses",
             "ghost_of_rtd",
             "bowed_scale",
@@ -37,6 +34,9 @@ SIGNED = (
             "bimetal_tongue",
             "lifting_head",
             "unlike_crimp",
+            "joined_scales",
+            "quadratic_rtd",
+            "settling_reference",
         )
     )
     | sealed.SIGNED

@@ -38,7 +38,6 @@ from evaluation.plant.layout import (
     LOGGED,
     LUCK_X,
     OHM,
-    OXIDE,
     PAIR_WIDTH,
     PASTED,
     PLAY,
@@ -53,13 +52,10 @@ from evaluation.plant.layout import (
     RUN_ON,
     SEEN_BEFORE,
     SIDE_WIDTH,
-    SILT,
     SINK_WARM,
     STEM,
     TAKEN_UP,
-    TENSION_BEFORE,
     TIME,
-    TRAILING,
     TURNED,
     WET,
     T,
@@ -123,10 +119,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, RTD_A] = water_degC
     side[:, RTD_B] = water_degC
     side[:, RUN_ON] = 60.0
-    side[:, OXIDE] = 1.0
-    side[:, SILT] = 1.0
-    side[:, TRAILING] = water_degC
-    side[:, TENSION_BEFORE] = 1.2
     side[:, BACK_STRESS] = 1.0
     side[:, CLAMP_WARM] = water_degC
     side[:, SEEN_BEFORE] = water_degC

@@ -55,18 +55,7 @@ CELL_WIDTH = PLAY + PLAYS
     AVERAGED,
     SHRUNK,
     RESTED,
-    OXIDE,
     RUN_ON,
-    PLUGGED,
-    SILT,
-    BACKED_UP,
-    MOLTEN,
-    TRAILING,
-    KNOCKED,
-    OTHER_BEFORE,
-    LOADED,
-    TENSION_BEFORE,
-    CUT_OUT,
     SENSE_SOAK,
     MOTOR_WARM,
     CLAMP_WET,
@@ -117,8 +106,16 @@ CELL_WIDTH = PLAY + PLAYS
     SLIME,
     BLOWN,
     LATE_SET,
+    CARRIED,
+    LINT,
+    CURED,
+    CURING,
+    LIT,
+    BRAKING,
+    STRETCHED,
+    VARIANTS,
     SIDE_WIDTH,
-) = range(96)
+) = range(93)
 
 (
     TIME,
@@ -137,8 +134,6 @@ CELL_WIDTH = PLAY + PLAYS
     INDEXED,
     SPONGE,
     DRIVERS_WARM,
-    TORN_AT,
-    PASSED,
     RETURNED,
     CHILLS,
     CHILLED_BY,
@@ -165,8 +160,11 @@ CELL_WIDTH = PLAY + PLAYS
     MIXER,
     DUMMY,
     KNOT,
+    VORTEX,
+    STIRRED,
+    UNCOUNTED,
     PAIR_WIDTH,
-) = range(45)
+) = range(46)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

@@ -39,10 +39,12 @@ from evaluation.plant.layout import (
     SPEED,
     SPILT,
     SPONGE,
+    TIME,
     TONGUE,
     TURNED,
     TWINS,
     TWINS_RUB,
+    VARIANTS,
     WORK_DONE,
     T,
     W,
@@ -76,10 +78,6 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
-CHILLED = slot("chilled_on_one_side")
-PRESSURE = slot("tube_under_pressure")
-HEAVY = slot("heavy_pulley")
-BRAKED = slot("braked_vane")
 TWINS_FOLLOW = slot("following_twins")
 SHAKEN_FREE = slot("freed_by_pumps")
 REMNANTS = slot("reverting_remnants")
@@ -95,12 +93,15 @@ TAPERING = slot("tapering_dashpot")
 FELT = slot("wet_felt")
 LATE_STRAIN = slot("late_strain")
 PADDLE = slot("paddle_in_water")
+SETTLES = slot("relaxing_coils")
+TAPED = slot("taped_slide")
+GUY = slot("relaxing_guy")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 TAPER_m = 4e-3  # travel over which a dashpot's drag grows by a factor of 2.7
-VANE_m, GAIN_m_s2 = 2e-3, 0.02  # half of a braked vane, and a heavy pulley's acceleration
 RUN_IN_m, TOOTH_m = 3e-2, 2.5e-3  # way over which a guide runs in, and from tooth to tooth
+TAPE_END_m, GUY_S = 5e-4, 20.0  # how sharp a tape's end is, and how fast a guy relaxes
 COLLAR_m, GRIPS_m = 1.5e-3, 3e-4  # half a collar's play, and how far it gives
 
 
@@ -112,22 +113,19 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     if e[s, DRIFT] > 0.0:
         strain *= 1.0 - 0.02 * e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
     total = 0.0
-    across = 0.0
     martensite = 0.0
     reverted = 0.0
     for i in range(CELLS):
         fraction = cells[s, i, FRACTION]
         martensite += fraction / CELLS
-        across += (cells[s, i, T] - cells[s, i, W]) / CELLS
         reverted += min(max(cells[s, i, T] - 42.0, 0.0) / 10.0, 1.0) / CELLS
         total += 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
-    side[s, GROWN] = 1e-3 * e[s, CHILLED] * across / 10.0
-    side[s, GROWN] += 1e-3 * e[s, PRESSURE] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
-    side[s, GROWN] += 1e-3 * e[s, TWINS_FOLLOW] * side[s, TWINS]
+    side[s, GROWN] = 1e-3 * e[s, TWINS_FOLLOW] * side[s, TWINS]
     side[s, GROWN] += 1e-3 * e[s, TWINS_RUBBING] * martensite * side[s, TWINS_RUB]
     side[s, GROWN] += 1e-3 * e[s, LATE_STRAIN] * (side[s, LATE_SET] - martensite)
+    side[s, GROWN] += 1e-3 * e[s, SETTLES] * side[s, VARIANTS]
     side[s, GROWN] += 1e-3 * (e[s, SHIFTS] * side[s, PIN] - e[s, REMNANTS] * reverted)
     side[s, GROWN] -= 1e-3 * (e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, MOBILE] > 0.0:
@@ -241,18 +239,17 @@ def resisting(
     rubbing += e[0, SKEWED] * (before / 5e-3) ** 2
     rubbing += e[0, FELT] * pair[SPILT]
     rubbing += e[0, RUNS_IN] * math.exp(-pair[RUN_IN] / RUN_IN_m)
+    taped = (before - 6e-3 * (e[2, TAPED] - 0.5)) / TAPE_END_m
+    rubbing += e[0, TAPED] * 0.5 * (1.0 + math.tanh(taped))
     if x > before:
         teeth = before / TOOTH_m + e[2, PAWL]
         rubbing += e[0, PAWL] * (teeth - math.floor(teeth))
     v = (x - before) / dt / 5e-4
     total += rubbing * v / (abs(v) + 1.0)
     slope += rubbing / (abs(v) + 1.0) ** 2 / dt / 5e-4
-    off = (before - 6e-3 * (e[2, BRAKED] - 0.5)) / VANE_m
-    braking = e[0, BRAKED] * math.exp(-off * off) / dt / 5e-3
-    braking += e[0, TAPERING] * math.exp(before / TAPER_m) / dt / 5e-3
-    heavy = e[0, HEAVY] / GAIN_m_s2 / dt
-    total += braking * (x - before) + heavy * ((x - before) / dt - pair[SPEED])
-    slope += braking + heavy / dt
+    braking = e[0, TAPERING] * math.exp(before / TAPER_m) / dt / 5e-3
+    total += braking * (x - before)
+    slope += braking
     v = (x - before) / dt / 5e-3
     total += e[0, PADDLE] * v * abs(v)
     slope += 2.0 * e[0, PADDLE] * abs(v) / dt / 5e-3
@@ -265,6 +262,7 @@ def resisting(
     slope += e[0, PUSHED] / GRIPS_m if 0.0 < over < GRIPS_m else 0.0
     hung, stiff = tied(x, e)
     hung += jets(full_flow, e, side) - e[0, BIMETAL] * pair[TONGUE]
+    hung -= e[0, GUY] * math.exp(-pair[TIME] / GUY_S)
     return total + hung, slope + stiff, bristle
 
 

@@ -17,13 +17,16 @@ from evaluation.plant.layout import (
     BACK_STRESS,
     BELT,
     BLOWN,
+    BRAKING,
+    CARRIED,
     CELL_SOAK,
     CELL_UNEVEN,
     CELLS,
     CHARGED,
     CLAMP_WARM,
     CLAMP_WET,
-    CUT_OUT,
+    CURED,
+    CURING,
     DRAGGED,
     DUMMY,
     FLOW,
@@ -33,28 +36,27 @@ from evaluation.plant.layout import (
     FROTH,
     HALL_WARM,
     LATE_SET,
-    LOADED,
-    MOLTEN,
+    LINT,
+    LIT,
     MOTOR_WARM,
     ORDERED,
     OTHER_PLUME,
-    OXIDE,
     PIN,
-    PLUGGED,
     PUMP,
     RATE,
     REGULATOR,
     RUBBED_BEFORE,
     RUST,
     SHARE_BEFORE,
-    SILT,
     SLIME,
     SPEED,
-    TENSION_BEFORE,
+    SPEED_BEFORE,
+    STRETCHED,
     TIME,
     TRAINED,
     TWINS,
     TWINS_RUB,
+    VARIANTS,
     T,
     W,
     X,
@@ -78,11 +80,6 @@ DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
 BENT = slot("bent_coils")
-COHERES = slot("cohering_crimp")
-SILTING = slot("silt_on_still_coils")
-RELIEF = slot("relief_of_martensite")
-GEL = slot("melting_gel")
-FAN = slot("swinging_fan")
 CRACKLING = slot("crackling_wire")
 FANNED = slot("fanned_by_tendon")
 MOTOR_BELOW = slot("motor_under_tube")
@@ -104,23 +101,36 @@ SLIMY = slot("scoured_slime")
 BLOWS = slot("thermostat_fan")
 DUMMY_LOAD = slot("dummy_load_under_tubes")
 PRESSED = slot("clamp_pressed_by_pull")
+SOLDER = slot("migrating_solder")
+LINTY = slot("lint_in_coil")
+CAM_LAMP = slot("cam_switched_lamp")
+BRAKES = slot("brake_resistor_under_tube")
+RESIN = slot("curing_resin")
 
 CLAMP_J_K = 3.0
-GEL_degC, GEL_J = 38.0, 12.0  # where a gel melts, and what that takes
-CUTS_degC, MAKES_degC = 46.0, 40.0  # wire at which a bimetal beside it opens and closes
 PIN_SHIFTS_N, PIN_RETURNS_N = 1.5, 1.3  # load at which an anchor's pin shifts and returns
 RUBS_N = 0.25  # change of load over which rubbing twins turn round
 BELT_ON_degC, BELT_OFF_degC = 30.0, 33.0  # mean water that switches a heating belt
 FAN_ON_degC, FAN_OFF_degC = 36.0, 32.0  # mean water that switches a fan
+CAM_ON_m, CAM_OFF_m = 2.5e-3, 1e-3  # own contraction at which a cam switches a lamp
+CURES_degC, CURES_K_s = 34.0, 100.0  # wire above which a resin cures, and what that takes
 BASE_A = 0.5  # sum of currents below which a supply needs its dummy load
-FAN_S = 18.0  # how long a fan takes to come back
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
+
+
+@compiled
+def mean(s: int, column: int, less: float, cells: Array) -> float:
+    """Mean over the cells of spring `s` of what a column of theirs is above `less`."""
+    total = 0.0
+    for i in range(CELLS):
+        total += (cells[s, i, column] - less) / CELLS
+    return total
 
 
 @compiled
 def joints(s: int, e: Array, cells: Array, side: Array, heat: Array) -> float:
     """What the ends of spring `s` and their leads add to its resistance (ohm), and to `heat`."""
-    inlet = e[s, COHERES] * side[s, OXIDE]
+    inlet = e[s, SOLDER] * (1.0 - math.exp(-side[s, CARRIED]))
     outlet = e[s, LOOSENING] * max(cells[s, CELLS - 1, T] - 32.0, 0.0) / 10.0
     heat[0] += inlet
     heat[CELLS - 1] += outlet
@@ -154,23 +164,11 @@ def bend(s: int, e: Array, pair: Array, rows: Array) -> None:
 
 
 @compiled
-def gel_over(s: int, cells: Array, side: Array) -> float:
-    """How far (K) the water of `s` is above a gel that melts or sets; 0 where it can do neither."""
-    over = -GEL_degC
-    for i in range(CELLS):
-        over += cells[s, i, W] / CELLS
-    left = 1.0 - side[s, MOLTEN] if over > 0.0 else side[s, MOLTEN]
-    return over if left > 0.0 else 0.0
-
-
-@compiled
 def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array) -> None:
     """Change `rows` by what films, losses, ends and cores do to a tube."""
     speed = abs(pair[SPEED])
-    stirred = 1.0 / (1.0 + e[s, SILTING] * side[s, SILT])
-    wetter = 1.0 + e[0, FAN] * math.sin(math.pi * (pair[TIME] / FAN_S + e[2, FAN])) ** 2
-    stirred *= 1.0 + e[s, CRACKLING] * side[s, RATE] / (side[s, RATE] + 0.05)
-    wetter *= 1.0 + e[0, FANNED] * speed / (speed + 2e-3)
+    stirred = 1.0 + e[s, CRACKLING] * side[s, RATE] / (side[s, RATE] + 0.05)
+    wetter = 1.0 + e[0, FANNED] * speed / (speed + 2e-3)
     stirred /= 1.0 + e[s, FLAKES] * side[s, AFLOAT]
     drawn_in = pair[X] if s == 0 else -pair[X]
     wetter *= 1.0 + e[s, LAGGING] * min(max(drawn_in / 4e-3, 0.0), 1.0)
@@ -178,10 +176,12 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
     stirred /= 1.0 + e[s, RUSTS] * side[s, RUST]
     stirred /= 1.0 + e[s, FROTHS] * side[s, FROTH]
     stirred /= 1.0 + e[s, SLIMY] * side[s, SLIME]
+    stirred /= 1.0 + e[s, LINTY] * side[s, LINT]
     wetter *= 1.0 + e[s, BLOWS] * side[s, BLOWN]
     rows[0, HEAT_WIRE] += e[s, UNLIKE] * side[s, AMPERE]
     warming = e[s, BELTED] * side[s, BELT] + e[s, REGULATED] * side[s, REGULATOR]
     warming += e[0, DUMMY_LOAD] * pair[DUMMY]
+    warming += e[s, CAM_LAMP] * side[s, LIT] + e[s, BRAKES] * side[s, BRAKING]
     tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     framed = e[s, ON_FRAME] * min(max((tension - 1.24) / 0.4, 0.0), 1.0) / CELLS
     warmer = cells[1 - s, CELLS - 1, T] - cells[s, CELLS - 1, T]
@@ -189,47 +189,20 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
     rows[0, HEAT_WIRE] += e[s, CLAMP] * (side[s, CLAMP_WARM] - cells[s, 0, T])
     rows[CELLS - 1, TO_CLAMP] += e[s, SPRAYED] * side[s, CLAMP_WET]
     rows[0, TO_CLAMP] += e[s, PRESSED] * max(tension, 0.0) / 1.24
-    melting = e[s, GEL] * gel_over(s, cells, side)
     for i in range(CELLS):
-        rows[i, HEAT_WATER] += (warming - melting) / CELLS
+        rows[i, HEAT_WATER] += warming / CELLS
         rows[i, HEAT_WATER] += e[s, MOTOR_BELOW] * side[s, MOTOR_WARM] / CELLS
-        rows[i, FILM] *= stirred * (1.0 + e[s, RELIEF] * cells[s, i, FRACTION])
+        rows[i, HEAT_WIRE] += e[s, RESIN] * side[s, CURING] / CELLS
+        rows[i, FILM] *= stirred
         rows[i, LOSS] *= wetter
         rows[i, LOSS] += framed
         rows[i, HEAT_WATER] += e[1 - s, PLUME] * side[s, OTHER_PLUME] / CELLS
 
 
 @compiled
-def linger(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
-    """Update what an oxide, gas, silt, a gel and the load leave of a tick of spring `s`."""
-    grown = approach(side[s, OXIDE], 1.0, dt, 10.0)
-    side[s, OXIDE] = grown * math.exp(-dt * (side[s, AMPERE] / 2.0) ** 2 / 1.5)
-    warmth = 0.0
-    for i in range(CELLS):
-        warmth += cells[s, i, T] / CELLS
-    plugged = side[s, PLUGGED] + dt / 5.0 * max(warmth - 38.0, 0.0) / 10.0
-    side[s, PLUGGED] = plugged * math.exp(-dt * side[s, FLOW] / p[FULL_FLOW] / 1.5)
-    still = approach(side[s, SILT], 1.0, dt, 15.0)
-    side[s, SILT] = still * math.exp(-dt * abs(pair[SPEED]) / 2e-3)
-    molten = side[s, MOLTEN] + dt * e[s, GEL] * gel_over(s, cells, side) / GEL_J
-    side[s, MOLTEN] = min(max(molten, 0.0), 1.0)
-    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
-    side[s, LOADED] += abs(tension - side[s, TENSION_BEFORE])
-    side[s, TENSION_BEFORE] = tension
-
-
-@compiled
 def follow(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
-    """Update what follows spring `s` late: a bimetal, a motor's warmth, a wet clamp, twins."""
-    warmth = 0.0
-    fraction = 0.0
-    for i in range(CELLS):
-        warmth += cells[s, i, T] / CELLS
-        fraction += cells[s, i, FRACTION] / CELLS
-    if warmth > CUTS_degC:
-        side[s, CUT_OUT] = approach(side[s, CUT_OUT], 1.0, dt, 0.3)
-    elif warmth < MAKES_degC:
-        side[s, CUT_OUT] = approach(side[s, CUT_OUT], 0.0, dt, 0.3)
+    """Update what follows spring `s` late: a motor's warmth, a wet clamp, twins."""
+    fraction = mean(s, FRACTION, 0.0, cells)
     side[s, MOTOR_WARM] = approach(side[s, MOTOR_WARM], side[s, PUMP], dt, 8.0)
     share = side[s, FLOW] / p[FULL_FLOW]
     slow = 2.0 if share > side[s, CLAMP_WET] else 12.0
@@ -259,11 +232,7 @@ def trail(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt
 @compiled
 def haunt(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
     """Update what stays about spring `s`: a plume, rust, warmth in a load cell, interfaces."""
-    fraction = 0.0
-    beside = 0.0
-    for i in range(CELLS):
-        fraction += cells[s, i, FRACTION] / CELLS
-        beside += (cells[1 - s, i, W] - 27.0) / CELLS
+    beside = mean(1 - s, W, 27.0, cells)
     side[s, OTHER_PLUME] = approach(side[s, OTHER_PLUME], max(beside, 0.0) / 10.0, dt, 5.0)
     warm = (cells[s, CELLS - 1, W] - 27.0) / 20.0
     side[s, CELL_SOAK] = approach(side[s, CELL_SOAK], warm, dt, 10.0)
@@ -281,13 +250,9 @@ def haunt(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -
 @compiled
 def stay(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
     """Update what stays in spring `s` and its tube: order, load, hydrogen, a belt, froth."""
-    austenite = 0.0
-    warmth = 0.0
-    water = 0.0
-    for i in range(CELLS):
-        austenite += (1.0 - cells[s, i, FRACTION]) / CELLS
-        warmth += cells[s, i, T] / CELLS
-        water += cells[s, i, W] / CELLS
+    austenite = -mean(s, FRACTION, 1.0, cells)
+    warmth = mean(s, T, 0.0, cells)
+    water = mean(s, W, 0.0, cells)
     side[s, ORDERED] = approach(side[s, ORDERED], austenite, dt, 8.0)
     tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     side[s, TRAINED] += dt / 15.0 * austenite * tension / 1.24
@@ -309,18 +274,36 @@ def stay(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) ->
 @compiled
 def grow(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
     """Update what grows on spring `s` or waits for it: slime, a fan, a dummy load, late strain."""
-    water = 0.0
-    fraction = 0.0
-    for i in range(CELLS):
-        water += cells[s, i, W] / CELLS
-        fraction += cells[s, i, FRACTION] / CELLS
+    water = mean(s, W, 0.0, cells)
     grown = side[s, SLIME] + dt / 10.0 * max(water - 30.0, 0.0) / 10.0
     side[s, SLIME] = grown * math.exp(-dt * side[s, FLOW] / p[FULL_FLOW] / 6.0)
     if water > FAN_ON_degC:
         side[s, BLOWN] = approach(side[s, BLOWN], 1.0, dt, 1.0)
     elif water < FAN_OFF_degC:
         side[s, BLOWN] = approach(side[s, BLOWN], 0.0, dt, 1.0)
-    side[s, LATE_SET] = approach(side[s, LATE_SET], fraction, dt, 3.0)
+    side[s, LATE_SET] = approach(side[s, LATE_SET], mean(s, FRACTION, 0.0, cells), dt, 3.0)
     if s == 1:
         needed = 1.0 if side[0, AMPERE] + side[1, AMPERE] < BASE_A else 0.0
         pair[DUMMY] = approach(pair[DUMMY], needed, dt, 3.0)
+
+
+@compiled
+def collect(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Update what collects on spring `s` or is left in it: solder, lint, resin, stretch, lamps."""
+    side[s, CARRIED] += dt * side[s, AMPERE] / 40.0
+    drawn_in = pair[X] if s == 0 else -pair[X]
+    share = side[s, FLOW] / p[FULL_FLOW]
+    caught = side[s, LINT] + dt / 5.0 * share * max(drawn_in, 0.0) / 5e-3
+    side[s, LINT] = caught * math.exp(-dt / 3.0 * max(-drawn_in, 0.0) / 5e-3)
+    over = max(mean(s, T, CURES_degC, cells), 0.0)
+    side[s, CURING] = (1.0 - side[s, CURED]) * over / CURES_K_s
+    side[s, CURED] += dt * side[s, CURING]
+    if drawn_in > CAM_ON_m:
+        side[s, LIT] = approach(side[s, LIT], 1.0, dt, 0.3)
+    elif drawn_in < CAM_OFF_m:
+        side[s, LIT] = approach(side[s, LIT], 0.0, dt, 0.3)
+    # A motor's speed before this tick is the one that the load cell's indicator saw last.
+    lost = max(side[s, SPEED_BEFORE] - side[s, PUMP], 0.0)
+    side[s, BRAKING] = approach(side[s, BRAKING], 0.0, dt, 4.0) + lost
+    side[s, STRETCHED] = max(side[s, STRETCHED], -drawn_in / 5e-3)
+    side[s, VARIANTS] = approach(side[s, VARIANTS], -drawn_in / 5e-3, dt, 12.0)

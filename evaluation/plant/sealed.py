@@ -7,94 +7,102 @@ The load cell is beside X, so that a force between the springs has one place.
 from evaluation.plant.effect import FLOW, Effect
 
 EFFECTS: tuple[Effect, ...] = (
-    Effect("inrush_limiter", "sealed", "electrical", "1", 0.0154, 0.9, "driven_current",
+    Effect("burst_firing", "sealed", "electrical", "1", 0.00926, 0.5, "driven_current",
            "current time",
-           "a limiter of inrush resists until its current has warmed it: I[1 − e/(1 + 8h)], h → "
-           "(I/4 A)² in 3 s"),
-    Effect("settling_reference", "sealed", "electrical", "1", 0.0176, 0.6, "driven_current",
-           "time current",
-           "a driver's reference settles after it is switched on: I[1 + e exp(−t/12 s)]"),
-    Effect("warm_martensite_resists", "sealed", "electrical", "1", 0.00948, 0.5,
+           "a driver fires in bursts: I + e(b − I), b 4 A for a share of I/4 A of every 3 s, from "
+           "c on, else 0"),
+    Effect("worn_setpoint_track", "sealed", "electrical", "1", 0.0141, 0.9, "driven_current",
+           "current",
+           "the track of a driver's set value is worn at one place: I[1 − e exp(−((I − 1 A − "
+           "2c A)/0.4 A)²)]"),
+    Effect("migrating_solder", "sealed", "electrical", "ohm", 0.0118, 0.3,
            "resistance reading_voltage",
-           "wire fraction",
-           "martensite conducts worse as it warms, austenite does not: R[1 + e ξ(T − 27 °C)/10 K]"),
-    Effect("compressing_divider", "sealed", "electrical", "1", 0.0345, 6.0,
+           "current time",
+           "current carries solder out of the joint at the inlet's end: R + e(1 − exp(−∫I dt/"
+           "40 A s))", "one"),
+    Effect("wavy_converter", "sealed", "electrical", "V", 0.02, 0.3,
            "reading_voltage resistance",
            "reading current",
-           "a voltmeter's divider compresses: V/(1 + e V/12 V)"),
-    Effect("play_in_throttle", "sealed", "thermal", "1", 0.0531, 1.6, FLOW, "duty",
-           "a throttle behind a pump has play: the flow's share follows within e/2"),
-    Effect("kick_started_pump", "sealed", "thermal", "1", 0.325, 6.0, FLOW, "duty time",
-           "a pump's board kicks it off: flow's share + e k, k gains what its duty gains, and "
-           "fades in 1.5 s", "one"),
-    Effect("lagging_mixer_tap", "sealed", "thermal", "K", 4.57, 20.0,
+           "a voltmeter's converter is wavy: V + e sin(2πV/0.8 V)"),
+    Effect("pump_on_heater_ground", "sealed", "thermal", "1", 0.0328, 0.8, FLOW, "current",
+           "a pump's board shares its heater's ground, which lifts its set value: flow's share + "
+           "e I/4 A"),
+    Effect("vortex_over_intake", "sealed", "thermal", "1", 0.925, 4.0, FLOW,
+           "duty other_duty time",
+           "a vortex in the vessel lets air into both pumps: flow(1 − e b), b → (q − 0.6)⁺ in 3 s, "
+           "q both flows' share", "both"),
+    Effect("stirred_vessel", "sealed", "thermal", "K", 2.36, 20.0,
            "inlet_water heat_into_water",
-           "duty other_duty time",
-           "a mixing tap behind the inlet's sensor answers late to what is drawn: T_in + e(q − z), "
-           "q both flows' share, z → q in 5 s", "both"),
-    Effect("scoured_slime", "sealed", "thermal", "1", 0.415, 40.0, "film", "water duty time",
-           "slime grows on the coil in warm water, and is scoured off: film/(1 + e b), b gains "
-           "(T_w − 30 °C)⁺/10 K each 10 s, and fades by exp(−∫q dt/6 s), q the flow's share"),
-    Effect("thermostat_fan", "sealed", "thermal", "1", 2.82, 80.0, "heat_into_water",
-           "water time",
-           "a fan cools its tube from a mean T_w of 36 °C on, until it is below 32 °C: "
-           "loss(1 + e m), m in 1 s", "one"),
-    Effect("dummy_load_under_tubes", "sealed", "thermal", "W", 0.915, 10.0,
-           "heat_into_water ambient_air",
-           "current other_current time",
-           "the supply's dummy load lies under both tubes: + e b on each, b → 1 in 3 s where "
-           "I_x + I_y < 0.5 A, else → 0", "both"),
-    Effect("clamp_pressed_by_pull", "sealed", "thermal", "W/K", 0.0223, 1.0,
-           "heat_into_wire recoverable_strain",
-           "force wire",
-           "its pull presses the wire into the clamp at the inlet's end: − e F/1.24 N (T − T_room) "
-           "there", "one"),
-    Effect("jet_on_rtd", "sealed", "sensors", "1", 0.525, 0.95, "reading_rtd",
-           "duty wire water reading",
-           "the feed's jet reaches an RTD: T − e q(T − T_w), q the flow's share, T_w at the "
-           "inlet's end"),
-    Effect("quadratic_rtd", "sealed", "sensors", "K", 2.91, 12.0, "reading_rtd",
-           "reading wire",
-           "a converter leaves an RTD's curvature: T + e((T − 27 °C)/20 K)²"),
-    Effect("sloping_interpolator", "sealed", "sensors", "mm", 2.09, 8.0, "reading_displacement",
-           "displacement reading",
-           "the encoder's interpolator has the wrong slope between lines: x + e[frac(x/4 mm + c) − "
-           "c]", "both"),
-    Effect("joined_scales", "sealed", "sensors", "1", 0.173, 0.9, "reading_displacement",
-           "displacement reading",
-           "the encoder's scale is joined of two unlike ones: x(1 + e) where x > 0", "both"),
-    Effect("taut_cell_cable", "sealed", "sensors", "N", 0.128, 0.9, "reading_force",
-           "displacement",
-           "the load cell's cable draws taut: F + e(x/5 mm − 0.3)⁺", "both"),
-    Effect("sagging_excitation", "sealed", "sensors", "1", 0.0586, 0.9, "reading_force",
-           "current other_current force reading",
-           "the load cell's excitation sags under the heaters: F[1 − e(I_x + I_y)/4 A]", "both"),
-    Effect("sensors_on_pump_rail", "sealed", "sensors", "1", 0.00661, 0.45, "reading_current",
-           "other_duty duty current reading",
-           "both current sensors share the pumps' rail: i[1 − e(w_x + w_y)], the motors' speeds",
+           "velocity time",
+           "a rod on the tendon stirs cold water up behind the inlet's sensor: T_in − e s, s gains "
+           "|dx|/10 mm, and fades in 8 s", "both"),
+    Effect("lint_in_coil", "sealed", "thermal", "1", 5.12, 40.0, "film",
+           "displacement duty time",
+           "a coil drawn in holds what lint comes with its water, and lets it go drawn out: "
+           "film/(1 + e b), b gains q y⁺/5 mm each 5 s, and fades by exp(−∫(−y)⁺/5 mm dt/3 s), q "
+           "the flow's share, y its own contraction"),
+    Effect("cam_switched_lamp", "sealed", "thermal", "W", 0.705, 10.0, "heat_into_water",
+           "displacement time",
+           "a cam on the tendon switches a lamp over one tube: + e from 2.5 mm of its own "
+           "contraction on, until it is below 1 mm, in 0.3 s", "one"),
+    Effect("brake_resistor_under_tube", "sealed", "thermal", "W", 1.13, 30.0, "heat_into_water",
+           "duty time",
+           "a pump's motor is braked into a resistor under its tube: + e k, k gains what the motor "
+           "loses in speed, and fades in 4 s"),
+    Effect("curing_resin", "sealed", "thermal", "J", 11.2, 120.0, "heat_into_wire",
+           "wire time",
+           "resin on the wire cures in heat, which gives heat: + e dc/dt, dc/dt = (1 − c)"
+           "(T − 34 °C)⁺/100 K s", "one"),
+    Effect("washed_terminal", "sealed", "sensors", "K", 2.81, 15.0, "reading_rtd",
+           "duty time",
+           "an RTD's terminal corrodes as it is washed: T + e(1 − exp(−∫q dt/10 s)), q the flow's "
+           "share"),
+    Effect("loose_tie", "sealed", "sensors", "s", 1.72, 12.0, "reading_rtd",
+           "reading_rate wire_rate velocity",
+           "an RTD's tie is loose and lifts it as its spring moves: slower by e |v|/(|v| + 1 mm/s)",
+           "one"),
+    Effect("dimmed_lamp", "sealed", "sensors", "1", 0.102, 0.9, "reading_displacement",
+           "current other_current displacement velocity",
+           "the heaters dim the encoder's lamp, and it loses lines: x − e∫(I_x + I_y)/4 A dx",
            "both"),
-    Effect("mismatched_coat", "sealed", "phase", "K", 2.25, 12.0, "transformation_shift",
-           "wire water",
-           "a coat on the wire that widens less strains it: both thresholds + e(T − T_w)/10 K"),
-    Effect("uneven_latent", "sealed", "phase", "1", 0.907, 4.0, "heat_into_wire",
-           "fraction_rate fraction",
-           "the last martensite to go takes the more heat: L[1 + e(1 − ξ)]"),
-    Effect("late_strain", "sealed", "phase", "mm", 3.26, 12.0, "recoverable_strain",
-           "fraction fraction_rate time",
-           "grains hold the strain back that transforming sets free: deflection + e(z − ξ), z → ξ "
-           "in 3 s"),
-    Effect("paddle_in_water", "sealed", "mechanics", "N", 0.141, 0.9, "force_cell_on_x",
-           "velocity",
-           "a paddle on the tendon dips into water: against x by e v|v|/(5 mm/s)²", "both"),
-    Effect("ball_in_notch", "sealed", "mechanics", "N", 0.0879, 0.25, "force_cell_on_x",
-           "displacement",
-           "a ball snaps into a notch of the tendon's slide: against x by e d exp[(1 − d²)/2], d = "
-           "(x − c)/2 mm", "both"),
-    Effect("shaken_knot", "sealed", "mechanics", "mm", 1.56, 8.0, "recoverable_strain",
-           "duty other_duty time",
-           "the tendon's knot gives as the pumps shake it: longer by e[1 − exp(−∫(w_x + w_y)dt/"
-           "10 s)], the motors' speeds", "both"),
+    Effect("drying_scale", "sealed", "sensors", "1", 0.147, 0.9, "reading_displacement",
+           "displacement time reading",
+           "the encoder's scale shrinks as it dries: x[1 + e(1 − exp(−t/20 s))]", "both"),
+    Effect("sagging_lead", "sealed", "sensors", "N", 0.282, 0.9, "reading_force",
+           "current time",
+           "X's lead sags onto the load cell as it warms: F + e w, w → (I_x/4 A)² in 6 s", "both"),
+    Effect("moist_gauge", "sealed", "sensors", "1", 0.0511, 0.6, "reading_force",
+           "duty other_duty time force reading",
+           "spilt water softens the glue of the load cell's gauges: F(1 − e w), w → both flows' "
+           "share in 3 s, and dries in 20 s", "both"),
+    Effect("wrong_compensation", "sealed", "sensors", "1", 0.00774, 0.9, "reading_current",
+           "wire current reading",
+           "a current sensor is compensated by the wrong temperature: i[1 + e(T_RTD − 27 °C)/"
+           "20 K]"),
+    Effect("drawn_out_once", "sealed", "phase", "K", 1.24, 15.0, "transformation_shift",
+           "displacement time",
+           "a coil drawn out further than before keeps dislocations: both thresholds − e d/5 mm, d "
+           "its furthest beyond the middle so far"),
+    Effect("crackling_neighbour", "sealed", "phase", "K", 1.62, 12.0, "transformation_shift",
+           "other_fraction time",
+           "one spring's crackling frees the other's interfaces: A_s − e d, M_s + e d, d → "
+           "r/(r + 0.05/s) in 3 s, r the rate |dξ/dt| of that one", "across"),
+    Effect("relaxing_coils", "sealed", "phase", "mm", 1.24, 4.0, "recoverable_strain",
+           "displacement time",
+           "variants settle where their coil is held: deflection + e z, z → its stretch beyond the "
+           "middle/5 mm in 12 s"),
+    Effect("taped_slide", "sealed", "mechanics", "N", 0.112, 0.9, "force_cell_on_x",
+           "velocity displacement",
+           "tape covers the slide from one place on: against x by e ½[1 + tanh((x − c)/0.5 mm)] "
+           "v/(|v| + 0.5 mm/s)", "both"),
+    Effect("relaxing_guy", "sealed", "mechanics", "N", 0.1, 0.45, "force_cell_on_x",
+           "time",
+           "a guy tied to the tendon relaxes: along x by e exp(−t/20 s)", "both"),
+    Effect("unwinding_turnbuckle", "sealed", "mechanics", "mm", 2.43, 8.0, "recoverable_strain",
+           "velocity time",
+           "the tendon's turnbuckle unwinds as it runs: longer by e[1 − exp(−∫|dx|/40 mm)]",
+           "both"),
 )  # fmt: skip
 
-SIGNED: frozenset[str] = frozenset(("joined_scales", "quadratic_rtd", "settling_reference"))
+SIGNED: frozenset[str] = frozenset(("sagging_lead", "wavy_converter", "wrong_compensation"))
 """Those whose magnitude may be negative."""

@@ -32,18 +32,16 @@ from evaluation.plant.layout import (
     FORCE_X,
     FORCE_Y,
     FRACTION,
+    FUSE_WARM,
     GLANCE,
     HALL_WARM,
     HELD_FORCE,
     INDEXED,
-    KNOCKED,
     LAST_SHOWN,
     LEAD_WARM,
     LOGGED,
     MISTED,
     OHM,
-    OTHER_BEFORE,
-    PASSED,
     PASTED,
     PUMP,
     REPORTED,
@@ -54,6 +52,7 @@ from evaluation.plant.layout import (
     RING_X,
     RTD_A,
     RTD_B,
+    RUST,
     SEEN_BEFORE,
     SENSE_SOAK,
     SINCE_LOGGED,
@@ -66,9 +65,8 @@ from evaluation.plant.layout import (
     SWITCHED_AT,
     TAPE,
     TIME,
-    TORN_AT,
-    TRAILING,
     TURNED,
+    UNCOUNTED,
     WAITS,
     WHEEL,
     WHEEL_BEFORE,
@@ -104,14 +102,6 @@ RIPPLE_FILTER = slot("ripple_filter")
 WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
-AUTO_ZERO = slot("drifting_zero")
-MAKES_UP = slot("hasty_transmitter")
-KNOCKS = slot("knocked_transmitter")
-DRAGGED_HEAD = slot("dragged_head")
-TORN = slot("torn_line")
-PULSES = slot("pulses_in_amplifier")
-MISSING = slot("missing_codes")
-BATTERY = slot("sensors_on_battery")
 SOAKS = slot("soaking_sense")
 INSULATION = slot("leaking_insulation")
 UNSYNCHRONISED = slot("unsynchronised_clock")
@@ -152,6 +142,14 @@ JOINED = slot("joined_scales")
 TAUT_CABLE = slot("taut_cell_cable")
 EXCITATION = slot("sagging_excitation")
 PUMP_RAIL = slot("sensors_on_pump_rail")
+WAVY = slot("wavy_converter")
+WASHED = slot("washed_terminal")
+LOOSE_TIE = slot("loose_tie")
+DIMMED = slot("dimmed_lamp")
+DRYING = slot("drying_scale")
+SAGGING_LEAD = slot("sagging_lead")
+MOIST = slot("moist_gauge")
+MISCORRECTED = slot("wrong_compensation")
 
 CELL_RAD_S, CELL_DAMPING = 2.0 * math.pi * 0.2, 0.12  # slow enough for the load to excite it
 MISSED_S = 13.0  # after which two clocks are a whole sample apart
@@ -160,10 +158,9 @@ STARTLES_PER_S = 0.5  # change of a pump's speed that an indicator waits for
 CONVERTS_S = 0.5  # how often a voltmeter keeps a conversion for its average
 STANDS_m_s = 2e-4  # speed at which a logger reads twice as often
 CARRIER_S = 5.5  # how often a carrier beats with the chopped currents
-ZEROS_S, HASTE_S = 7.0, 0.5  # between zeros of a voltmeter; over which an RTD's rate is taken
-TORN_mm = 0.1  # half a torn line's length
 STUCK_K, RUBS_m = 4.0, 1e-3  # how far a winding and a cable give before they slip
-CODE_N = 1.4  # what a converter reads in place of missing codes
+WAVE_V = 0.8  # period of a converter's error
+DRIES_S = 20.0  # how long a scale takes to dry
 LINE_mm = 4.0  # from one line of a scale to the next
 
 
@@ -187,7 +184,8 @@ def rtd(
     if e[s, STEM_ERROR] > 0.0:
         side[s, STEM] = approach(side[s, STEM], 0.3 * seen + 0.7 * ambient, dt, 15.0)
         seen -= e[s, STEM_ERROR] * (seen - side[s, STEM])
-    side[s, RTD_A] = approach(side[s, RTD_A], seen, dt, p[RTD_LAG] + e[s, SLOW_RTD])
+    lifted = e[s, LOOSE_TIE] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 1e-3)
+    side[s, RTD_A] = approach(side[s, RTD_A], seen, dt, p[RTD_LAG] + e[s, SLOW_RTD] + lifted)
     if e[s, SLOW_RTD] > 0.0:
         side[s, RTD_B] = approach(side[s, RTD_B], side[s, RTD_A], dt, 0.35 * e[s, SLOW_RTD])
     else:
@@ -204,16 +202,11 @@ def rtd(
             warm += (cells[1 - s, j, W] - 27.0) / CELLS
         side[s, LEAD_WARM] = approach(side[s, LEAD_WARM], warm / 20.0, dt, 8.0)
         reading += e[1 - s, RTD_LEAD] * side[s, LEAD_WARM]
-    switched = abs(side[1 - s, AMPERE] - side[s, OTHER_BEFORE]) / 4.0
-    side[s, OTHER_BEFORE] = side[1 - s, AMPERE]
-    side[s, KNOCKED] = approach(side[s, KNOCKED], 0.0, dt, 4.0) + switched
-    reading += e[1 - s, KNOCKS] * side[s, KNOCKED]
+    reading += e[s, WASHED] * (1.0 - math.exp(-2.0 * side[s, RUST]))
     soaked = 0.0
     for j in range(CELLS):
         soaked += (cells[s, j, W] - 27.0) / CELLS
     reading += e[s, INSULATION] * side[s, AMPERE] / 4.0 * max(soaked, 0.0) / 10.0
-    side[s, TRAILING] = approach(side[s, TRAILING], reading, dt, HASTE_S)
-    reading += e[s, MAKES_UP] * (reading - side[s, TRAILING]) / HASTE_S
     stuck = side[s, STUCK] + (side[s, RTD_B] - side[s, SEEN_BEFORE]) / STUCK_K
     side[s, STUCK] = min(max(stuck, -1.0), 1.0)
     side[s, SEEN_BEFORE] = side[s, RTD_B]
@@ -235,7 +228,7 @@ def rtd(
 
 
 @compiled
-def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
+def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     """Encoder reading (mm) for the tendon's travel (mm)."""
     width = e[0, BACKLASH]
     before = pair[ENCODER]
@@ -252,7 +245,6 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     if e[0, SLIP] > 0.0 and pair[FORCE_X] > 1.4:
         pair[SLIPPED] -= e[0, SLIP] * (moved if moved > 0.0 else 0.4 * moved)
     reading = pair[ENCODER] + pair[SLIPPED]
-    reading -= e[0, DRAGGED_HEAD] * pair[SPEED] / (abs(pair[SPEED]) + 5e-4)
     pair[YIELDED] = approach(pair[YIELDED], (pair[FORCE_X] - 1.24) / 0.4, dt, 6.0)
     reading += e[0, BRACKET] * pair[YIELDED]
     reading += e[0, BOWED] * (seen_mm / 5.0) ** 2
@@ -263,18 +255,16 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     reading += e[0, LIFTING] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 1e-3)
     pair[WHEEL_LOST] += pair[SPILT] * (seen_mm - pair[WHEEL_BEFORE])
     reading -= e[0, WET_WHEEL] * pair[WHEEL_LOST]
+    drawn = (side[0, AMPERE] + side[1, AMPERE]) / 4.0
+    pair[UNCOUNTED] += drawn * (seen_mm - pair[WHEEL_BEFORE])
+    reading -= e[0, DIMMED] * pair[UNCOUNTED]
     pressed = (pair[FORCE_X] - 1.24) / 0.4
     pair[WHEEL] += pressed * (seen_mm - pair[WHEEL_BEFORE])
     pair[WHEEL_BEFORE] = seen_mm
     reading += e[0, SOFT_WHEEL] * pair[WHEEL]
+    reading *= 1.0 + e[0, DRYING] * (1.0 - math.exp(-pair[TIME] / DRIES_S))
     pair[TAPE] = approach(pair[TAPE], reading, dt, 5.0)
     reading -= e[0, SOFT_TAPE] * (reading - pair[TAPE])
-    time = pair[TIME]
-    torn = math.tanh((seen_mm + 2.0 - 6.0 * e[2, TORN]) / TORN_mm)
-    if time > dt:
-        pair[PASSED] += 0.5 * abs(torn - pair[TORN_AT])
-    pair[TORN_AT] = torn
-    reading += e[0, TORN] * pair[PASSED]
     if e[0, WIDE_INDEX] > 0.0:
         off = seen_mm - 6.0 * (e[2, WIDE_INDEX] - 0.5)
         if abs(off) > 1.0:
@@ -293,7 +283,6 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
         pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
         reading += e[0, FORCE_CREEP] * (0.5 * pair[CREEP_FAST] + pair[CREEP_SLOW])
     reading += e[0, FORCE_OFFSET] * (1.0 - 0.2 * math.exp(-time / 25.0))
-    reading += e[0, PULSES] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 5e-4)
     off = CELL_RAD_S * (reading - pair[CELL_SWING])
     off -= 2.0 * CELL_DAMPING * pair[CELL_SWING_RATE]
     pair[CELL_SWING_RATE] += dt * CELL_RAD_S * off
@@ -302,6 +291,8 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     reading += e[0, GHOST] * (side[1, RTD_B] - 27.0) / 20.0
     reading += e[0, GRADIENT] * side[0, CELL_UNEVEN]
     reading *= max(0.1, 1.0 - e[0, EXCITATION] * (side[0, AMPERE] + side[1, AMPERE]) / 4.0)
+    reading *= max(0.1, 1.0 - e[0, MOIST] * pair[SPILT])
+    reading += e[0, SAGGING_LEAD] * side[0, FUSE_WARM]
     reading += e[0, TAUT_CABLE] * max(pair[X] / 5e-3 - 0.3, 0.0)
     pair[DROP] += dt / 5.0 * side[0, FLOW] / 0.55
     pair[DROP] -= math.floor(pair[DROP])
@@ -320,8 +311,6 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     pair[HELD_FORCE] = reading
     pair[CABLE] = min(max(pair[CABLE] + dt * pair[SPEED] / RUBS_m, -1.0), 1.0)
     reading += e[0, RUBS] * pair[CABLE]
-    if abs(reading - CODE_N) < e[0, MISSING]:
-        reading = CODE_N
     if abs(reading - pair[REPORTED]) > e[0, THRIFTY]:
         pair[REPORTED] = reading
     return float(pair[REPORTED])
@@ -349,19 +338,20 @@ def read(
         out[s] = side[s, AMPERE]
         out[s] -= e[s, VALLEY] * side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
-        out[s] *= max(0.1, 1.0 - e[0, BATTERY] * pair[TIME] / 60.0)
         side[s, COIL_LAG] = approach(side[s, COIL_LAG], out[s], dt, 2.0)
         out[s] += e[s, OVERSHOOTS] * (out[s] - side[s, COIL_LAG])
         out[s] *= max(0.1, 1.0 + e[s, ON_RETURN] * side[s, HALL_WARM])
         drawn_in = pair[X] if s == 0 else -pair[X]
         out[s] /= max(0.3, 1.0 + e[s, SWAYING] * drawn_in / 5e-3)
         out[s] *= max(0.1, 1.0 - e[0, PUMP_RAIL] * (side[0, PUMP] + side[1, PUMP]))
+        out[s] *= max(0.1, 1.0 + e[s, MISCORRECTED] * (side[s, RTD_B] - 27.0) / 20.0)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         out[2 + s] *= max(0.1, 1.0 + e[0, DIVIDER] * pair[DRIVERS_WARM])
         heard = max(out[2 + s], 0.0)
         out[2 + s] += e[s, RMS] * (math.sqrt(heard * p[SUPPLY]) - heard)
         out[2 + s] /= 1.0 + e[s, COMPRESSES] * max(out[2 + s], 0.0) / p[SUPPLY]
+        out[2 + s] += e[s, WAVY] * math.sin(2.0 * math.pi * out[2 + s] / WAVE_V)
         if e[s, MIST] > 0.0:
             share = side[s, FLOW] / p[FULL_FLOW]
             slow = 3.0 if share > side[s, MISTED] else 15.0
@@ -369,8 +359,6 @@ def read(
             out[2 + s] *= 1.0 - e[s, MIST] * side[s, MISTED]
         side[s, SENSE_SOAK] = approach(side[s, SENSE_SOAK], out[2 + s], dt, 5.0)
         out[2 + s] -= e[s, SOAKS] * (out[2 + s] - side[s, SENSE_SOAK])
-        turn = pair[TIME] / ZEROS_S + e[2, AUTO_ZERO]
-        out[2 + s] += e[s, AUTO_ZERO] * (turn - math.floor(turn))
         turn = pair[TIME] / CONVERTS_S
         if math.floor(turn) != math.floor(turn - dt / CONVERTS_S):
             side[s, CONVERTED] = out[2 + s]
@@ -390,7 +378,7 @@ def read(
     if e[0, DELAY] > 0.0:
         wander = 1.0 + 0.15 * math.sin(2.0 * math.pi * (pair[TIME] / 20.0 + e[2, DELAY]))
         ticks = e[0, DELAY] * wander / dt
-    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, pair)
+    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, side, pair)
     out[8] += e[0, ON_HOSES] * (side[0, FLOW] - side[1, FLOW]) / p[FULL_FLOW]
     out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, side, pair)
     total = side[0, AMPERE] + side[1, AMPERE]

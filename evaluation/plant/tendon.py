@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
-from evaluation.plant.layout import FLOW, KNOT
+from evaluation.plant.layout import FLOW, KNOT, RUN_IN
 
 Array = NDArray[np.float64]
 
@@ -17,8 +17,10 @@ JETS = slot("jets_on_clip")
 BIMETAL = slot("bimetal_tongue")
 NOTCH = slot("ball_in_notch")
 SHAKEN_KNOT = slot("shaken_knot")
+TURNBUCKLE = slot("unwinding_turnbuckle")
 
 COG_m = 10e-3  # travel from one cog of a wheel to the next
+UNWINDS_m = 4e-2  # way of the tendon over which a turnbuckle unwinds
 NOTCH_m = 2e-3  # from the middle of a notch to where it holds its ball most
 
 
@@ -26,6 +28,7 @@ NOTCH_m = 2e-3  # from the middle of a notch to where it holds its ball most
 def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
     """How much longer the tendon is than at assembly (m), and its slope in force."""
     stretch = 1e-3 * e[0, SHAKEN_KNOT] * (1.0 - math.exp(-pair[KNOT]))
+    stretch += 1e-3 * e[0, TURNBUCKLE] * (1.0 - math.exp(-pair[RUN_IN] / UNWINDS_m))
     slope = 0.0
     tension = max(force, 0.0)
     if e[0, COMPLIANCE] > 0.0:

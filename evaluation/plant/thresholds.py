@@ -18,7 +18,7 @@ from evaluation.plant.layout import (
     FRACTION,
     HEATED_FROM,
     INNER_STRESS,
-    LOADED,
+    STRETCHED,
     TAKEN_UP,
     TRAINED,
     WORK_DONE,
@@ -36,7 +36,6 @@ STRESS = index("stress_MPa_N")
 MINOR_LOOP = slot("minor_loop")
 DRIFT = slot("transformation_drift")
 LINGERING = slot("lingering_stress")
-LOAD_WORKS = slot("worked_by_load")
 BACK_STRESSES = slot("relaxing_back_stress")
 TAKES_UP = slot("lagging_stress")
 DRAGS = slot("dragging_interfaces")
@@ -44,6 +43,8 @@ ON_AUSTENITE = slot("load_on_austenite")
 HYDROGEN = slot("hydrogen_of_flow")
 TRAINS = slot("training_under_load")
 COAT = slot("mismatched_coat")
+DRAWN_OUT = slot("drawn_out_once")
+NEIGHBOUR = slot("crackling_neighbour")
 
 
 @compiled
@@ -64,12 +65,13 @@ def shifts(
         lifted = e[s, LINGERING] * max(side[s, INNER_STRESS] - 1.35, 0.0) / 0.4
         heat += lifted
         cool += lifted
-    worked = e[s, LOAD_WORKS] * (1.0 - math.exp(-side[s, LOADED]))
     left = e[s, BACK_STRESSES] * (side[s, BACK_STRESS] - cells[s, i, FRACTION])
     left -= e[s, TAKES_UP] * (stress / p[STRESS] - side[s, TAKEN_UP]) / 0.4
     left += e[s, ON_AUSTENITE] * (1.0 - cells[s, i, FRACTION]) * (stress / p[STRESS] - 1.24) / 0.4
     dragged = e[s, DRAGS] * side[s, DRAGGED]
+    dragged -= e[1 - s, NEIGHBOUR] * side[1 - s, DRAGGED]
+    left -= e[s, DRAWN_OUT] * side[s, STRETCHED]
     left -= e[s, HYDROGEN] * side[s, CHARGED]
     left += e[s, COAT] * (cells[s, i, T] - cells[s, i, W]) / 10.0
     cool += e[s, TRAINS] * (1.0 - math.exp(-side[s, TRAINED]))
-    return heat - worked + left + dragged, cool - worked + left - dragged
+    return heat + left + dragged, cool + left - dragged

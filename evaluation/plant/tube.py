@@ -49,12 +49,12 @@ from evaluation.plant.rarer import (
     LAMP,
     ROD,
     bend,
+    collect,
     elsewhere,
     follow,
     grow,
     haunt,
     joints,
-    linger,
     seldom,
     stay,
     trail,
@@ -106,7 +106,6 @@ CORRODING = slot("corroding_wire")
 LIME = slot("lime_on_wire")
 LATENT_FADES = slot("fading_latent")
 LINGERING = slot("lingering_stress")
-WARM_LATENT = slot("warm_latent")
 PINNED = slot("freed_interfaces")
 INTERFACES = slot("scattering_interfaces")
 OF_REST = slot("latent_of_rest")
@@ -187,9 +186,7 @@ def coefficients(
         row[LOSS] = loss * (out / 15.0) ** power * (0.4 + 0.6 * wet)
         row[TO_CLAMP] = 0.0
         row[SHIFT_HEAT], row[SHIFT_COOL] = shifts(s, i, stress, p, e, cells, side)
-        warmer = (cells[s, i, T] - 37.0) / 10.0
-        row[LATENT] = latent * max(0.1, 1.0 + e[s, WARM_LATENT] * warmer)
-        row[LATENT] *= 1.0 + e[s, PINNED] * cells[s, i, HEATING]
+        row[LATENT] = latent * (1.0 + e[s, PINNED] * cells[s, i, HEATING])
         row[LATENT] *= 1.0 + e[s, OF_REST] * side[s, RESTED]
         row[LATENT] *= 1.0 + e[s, UNEVEN] * (1.0 - cells[s, i, FRACTION])
         row[STORES] = p[WIRE_HEAT] / CELLS
@@ -292,10 +289,10 @@ def tube(
         gained = side[s, FLOW] * (cells[s, CELLS - 1, W] - source) * dt
         pair[RESERVOIR] += e[s, RESERVOIR_WARMS] * gained / 400.0
     remember(s, stress, p, e, cells, side, dt)
-    linger(s, p, e, cells, side, pair, dt)
     follow(s, p, cells, side, pair, dt)
     trail(s, p, e, cells, side, pair, dt)
     haunt(s, p, cells, side, pair, dt)
     stay(s, p, cells, side, pair, dt)
     grow(s, p, cells, side, pair, dt)
+    collect(s, p, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)

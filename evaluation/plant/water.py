@@ -13,7 +13,6 @@ from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
-    BACKED_UP,
     BUBBLE,
     CELLS,
     CHILLED_BY,
@@ -29,6 +28,8 @@ from evaluation.plant.layout import (
     RESERVOIR,
     RETURNED,
     SINK_WARM,
+    SPEED,
+    STIRRED,
     WET,
     W,
 )
@@ -38,12 +39,12 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
-BACKWASH = slot("warm_backwash")
 CHILLER = slot("relay_chiller")
 COOLED_DRIVER = slot("water_cooled_driver")
 FLOAT_VALVE = slot("float_valve")
 FEED_WOUND = slot("feed_wound_on_tube")
 MIXER_LAGS = slot("lagging_mixer_tap")
+STIRS = slot("stirred_vessel")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -125,16 +126,16 @@ def entering(
         beside += cells[s, i, W] / CELLS
     side[s, FEED_WARM] = approach(side[s, FEED_WARM], beside, dt, 4.0)
     source += e[s, FEED_WOUND] * side[s, FEED_WARM] / (1.0 + 4.0 * side[s, FLOW] / 0.55)
-    backed = approach(side[s, BACKED_UP], cells[s, 0, W] - source, dt, 8.0)
-    side[s, BACKED_UP] = backed * math.exp(-dt * side[s, FLOW] / 0.55 / 1.5)
-    source += e[s, BACKWASH] * side[s, BACKED_UP]
     if s == 0:
         chill(cells, side, pair, dt)
         refill(side, pair, dt)
+        stirred = approach(pair[STIRRED], 0.0, dt, 8.0)
+        pair[STIRRED] = stirred + dt * abs(pair[SPEED]) / 10e-3
         pair[MIXER] = approach(pair[MIXER], (side[0, FLOW] + side[1, FLOW]) / 0.55, dt, 5.0)
     source -= e[0, CHILLER] * pair[CHILLED_BY]
     source -= e[0, FLOAT_VALVE] * pair[REFILLED]
     source += e[0, MIXER_LAGS] * ((side[0, FLOW] + side[1, FLOW]) / 0.55 - pair[MIXER])
+    source -= e[0, STIRS] * pair[STIRRED]
     lost = side[s, PLATE_WARM] * (1.0 + 6.0 * side[s, FLOW] / 0.55) / 20.0
     side[s, PLATE_WARM] += dt * ((side[s, AMPERE] / 4.0) ** 2 / 4.0 - lost)
     source += e[s, COOLED_DRIVER] * side[s, PLATE_WARM]
