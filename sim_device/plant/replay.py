@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import math
 import sys
 from collections.abc import Mapping, Sequence
@@ -269,12 +270,8 @@ class Replay:
         for name, _ in forcing:
             check_place_needs(name, self._options)
         self._forcing = forcing_rows(forcing, inputs.t_s.size)
-        unknown = [name for name in outputs if name not in OUTPUTS]
-        if unknown:
-            raise InputError(f"output {unknown[0]!r} is unknown; known are {', '.join(OUTPUTS)}")
         self._outputs = tuple(outputs)
-        places = [k.place_of(k.State, OUTPUTS[name][0]) for name in outputs]
-        self._places = np.array(places, dtype=np.float64)
+        self._places = _places_of(self._outputs)
 
     def run(
         self,
@@ -344,6 +341,15 @@ class Replay:
         if status != k.OK:
             raise solver_error(status, row)
         return out
+
+
+@functools.cache
+def _places_of(outputs: tuple[str, ...]) -> Array:
+    """Where outputs stand in the numbers of the state. Raises InputError for an unknown one."""
+    unknown = [name for name in outputs if name not in OUTPUTS]
+    if unknown:
+        raise InputError(f"output {unknown[0]!r} is unknown; known are {', '.join(OUTPUTS)}")
+    return np.array([k.place_of(k.State, OUTPUTS[name][0]) for name in outputs], dtype=np.float64)
 
 
 def trajectory(replay: Replay, setup: Setup, *, dt_s: float = DEFAULT_STEP_S) -> dict[str, Array]:

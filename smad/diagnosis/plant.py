@@ -10,8 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-import numpy as np
-
 from smad import arrays
 from smad.diagnosis.errors import GapError
 from smad.diagnosis.runs import GapRun
@@ -252,6 +250,11 @@ def nominal_replay(run: GapRun, plant: PlantModel, *, fast: bool = True) -> dict
 def moved_parameters(plant: PlantModel, start: ModelPoint, x: Array) -> dict[str, float]:
     """Parameters of a point moved by `x` (p,) prior standard deviations, within their ranges."""
     return {
-        q.name: float(np.clip(start.theta.get(q.name, q.nominal) + q.prior_sd * v, q.low, q.high))
-        for q, v in zip(plant.parameters, x, strict=True)
+        q.name: clipped(start.theta.get(q.name, q.nominal) + q.prior_sd * v, q.low, q.high)
+        for q, v in zip(plant.parameters, x.tolist(), strict=True)
     }
+
+
+def clipped(value: float, low: float, high: float) -> float:
+    """As `np.clip`, which takes a hundred times as long for one number."""
+    return float(min(max(value, low), high))

@@ -27,6 +27,7 @@ from smad.diagnosis.plant import (
     ModelPoint,
     Parameter,
     Uncertainty,
+    clipped,
 )
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import catalogue, signals
@@ -234,7 +235,7 @@ class SmaPlant:
         stiffness = c2 * modulus / c1
         taut, loose = stiffness * slack, stiffness * (slack - reach)
         edge = 1e-9 * taut
-        return values | {"initial_force": float(np.clip(force, loose + edge, taut - edge))}
+        return values | {"initial_force": clipped(force, loose + edge, taut - edge)}
 
     def save_model(
         self, point: ModelPoint, path: Path, note: str, uncertainty: Uncertainty | None = None
@@ -330,7 +331,7 @@ class SmaPlant:
     def within(self, effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
         """Effect values moved into their ranges, where rounding put them outside."""
         return {
-            name: {q: _clipped(float(v), *_RANGES[name, q]) for q, v in values.items()}
+            name: {q: clipped(float(v), *_RANGES[name, q]) for q, v in values.items()}
             for name, values in effects.items()
         }
 
@@ -347,8 +348,3 @@ def _like(kind: type[_Record], entry: object, **given: Any) -> _Record:
     """A record of the diagnosis: what is `given`, and the other fields from one of the plant."""
     names = (f.name for f in fields(kind) if f.name not in given)
     return kind(**{name: getattr(entry, name) for name in names}, **given)
-
-
-def _clipped(value: float, low: float, high: float) -> float:
-    """As `np.clip`, which takes a hundred times as long for one number."""
-    return min(max(value, low), high)
