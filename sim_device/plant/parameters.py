@@ -7,7 +7,7 @@ import hashlib
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,12 +43,6 @@ class Entry:
     source: str
     file_unit: str
     meaning: str
-
-    def at(self, value: float) -> Entry:
-        """The same with another value. A fit makes many, and `dataclasses.replace` takes longer."""
-        other = object.__new__(Entry)
-        vars(other).update(vars(self), value=value)
-        return other
 
     def shown(self, value: float | None = None) -> str:
         """The value (or another one, SI) in the file's unit, with the unit."""
@@ -91,7 +85,7 @@ class ParameterSet:
             field = _FIELDS[name]
             limits = field.low, field.high
             _within(name, number, limits, unit=entry.file_unit, limit="physical limit")
-            entries[_POSITION[name]] = entry.at(number)
+            entries[_POSITION[name]] = replace(entry, value=number)
         changed = ParameterSet(self.title, tuple(entries))
         _check_together(changed)
         return changed

@@ -270,8 +270,11 @@ class Replay:
         for name, _ in forcing:
             check_place_needs(name, self._options)
         self._forcing = forcing_rows(forcing, inputs.t_s.size)
+        unknown = [name for name in outputs if name not in OUTPUTS]
+        if unknown:
+            raise InputError(f"output {unknown[0]!r} is unknown; known are {', '.join(OUTPUTS)}")
         self._outputs = tuple(outputs)
-        self._places = _places_of(self._outputs)
+        self._places = _places_of(tuple(OUTPUTS[name][0] for name in outputs))
 
     def run(
         self,
@@ -344,12 +347,10 @@ class Replay:
 
 
 @functools.cache
-def _places_of(outputs: tuple[str, ...]) -> Array:
-    """Where outputs stand in the numbers of the state. Raises InputError for an unknown one."""
-    unknown = [name for name in outputs if name not in OUTPUTS]
-    if unknown:
-        raise InputError(f"output {unknown[0]!r} is unknown; known are {', '.join(OUTPUTS)}")
-    return np.array([k.place_of(k.State, OUTPUTS[name][0]) for name in outputs], dtype=np.float64)
+def _places_of(paths: tuple[str, ...]) -> Array:
+    """Where numbers like "x.T_wire" stand in the state, as the kernel takes it. Not to be changed:
+    all replays with the same outputs share it."""
+    return np.array([k.place_of(k.State, path) for path in paths], dtype=np.float64)
 
 
 def trajectory(replay: Replay, setup: Setup, *, dt_s: float = DEFAULT_STEP_S) -> dict[str, Array]:
@@ -358,12 +359,12 @@ def trajectory(replay: Replay, setup: Setup, *, dt_s: float = DEFAULT_STEP_S) ->
     `replay` is made with the inputs (feeds, forcing); what it puts out does not matter.
     """
     whole = copy.copy(replay)
-    paths = list(dict.fromkeys(path for parts in TRAJECTORY.values() for path in parts))
+    paths = tuple(dict.fromkeys(path for parts in TRAJECTORY.values() for path in parts))
     n = replay.inputs.t_s.size
     # Only under a forcing are readings kept as they were before it.
     forcing = replay._forcing if len(replay._forcing) else np.zeros((n, k.FORCED_SLOTS))
     whole._forcing = forcing
-    whole._places = np.array([k.place_of(k.State, path) for path in paths], dtype=np.float64)
+    whole._places = _places_of(paths)
     columns = dict(zip(paths, whole._columns(setup, dt_s, None), strict=True))
     return {
         name: np.asarray(sum(columns[path] for path in parts)) for name, parts in TRAJECTORY.items()

@@ -16,7 +16,7 @@ from smad.records.units import Written
 _COARSE = 1e-6
 """Resolution of a clock, as a share of the sample interval, above which the interval is a mean."""
 _ROUNDINGS = 8.0
-"""At most so many roundings are in a place on a grid: it is made of several times of the clock."""
+"""Most rounding errors of the clock that add up in the position of a sample on a grid."""
 
 
 @dataclass(frozen=True, eq=False)
