@@ -65,10 +65,6 @@ CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
 SUCTION = slot("shared_suction")
 MEMBRANE = slot("tired_membrane")
-CRACKING = slot("cracking_valve")
-NARROW = slot("narrow_return")
-SLIP_RING = slot("worn_slip_ring")
-FUSE = slot("resettable_fuse")
 LIFTED = slot("lifted_outlet")
 GEARS = slot("beating_gears")
 COUNTS_HEAT = slot("hiccuping_fuse")
@@ -90,7 +86,6 @@ SUCKS_AIR = slot("vortex_over_intake")
 
 CURRENT_LIMIT_A = 4.0
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
-RING_m = 6e-3  # travel from one worn spot of a slip ring to the next
 CALIBRATES_S = 9.0  # how often a driver calibrates itself, for 1 s
 SHAKES_AT, SHAKES_OVER = 0.55, 0.15  # speed at which a pump shakes, and how far from it
 GEARS_S = 7.0  # how often two worn gears meet again
@@ -154,10 +149,7 @@ def current(
         target = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
         side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], target, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
-    worn = math.sin(math.pi * (pair[X] / RING_m + e[2, SLIP_RING]))
-    i *= 1.0 - min(e[s, SLIP_RING], 0.9) * worn * worn
     side[s, FUSE_WARM] = approach(side[s, FUSE_WARM], (side[s, AMPERE] / 4.0) ** 2, dt, 6.0)
-    i *= 1.0 - min(e[s, FUSE], 0.9) * max(side[s, FUSE_WARM] - 0.2, 0.0)
     if side[s, RUN_ON] < FALLS_BACK_S:
         i *= 1.0 - min(e[s, INTERLOCK], 0.9)
     if side[s, HELD_BACK] > 0.0:
@@ -207,7 +199,6 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     half = 0.5 * e[s, THROTTLE_PLAY]
     side[s, THROTTLE] = min(max(side[s, THROTTLE], share - half), share + half)
     share = side[s, THROTTLE]
-    share = max(share - e[s, CRACKING], 0.0)
     drawn_in = pair[X] if s == 0 else -pair[X]
     share *= max(1.0 - e[s, LIFTED] * drawn_in / 5e-3, 0.0)
     beat = math.sin(2.0 * math.pi * (pair[TIME] / GEARS_S + e[2, GEARS]))
@@ -243,9 +234,6 @@ def flows(p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) 
         side[1, AIR_DRAWN] = max(y / full, approach(side[1, AIR_DRAWN], 0.0, dt, 6.0))
         x *= 1.0 - min(e[0, SUCTION] * side[1, AIR_DRAWN], 0.95)
         y *= 1.0 - min(e[0, SUCTION] * side[0, AIR_DRAWN], 0.95)
-    throttled = 1.0 + e[0, NARROW] * ((x + y) / full) ** 2
-    x /= throttled
-    y /= throttled
     pair[RETURN_POT] += dt / 6.0 * ((x + y) / full - math.sqrt(pair[RETURN_POT]))
     pair[RETURN_POT] = max(pair[RETURN_POT], 0.0)
     headless = max(1.0 - e[0, POT] * pair[RETURN_POT], 0.05)

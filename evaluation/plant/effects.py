@@ -24,8 +24,6 @@ SIGNED = (
             "convection_exponent",
             "stress_latent_heat",
             "motor_beside_sensor",
-            "bracket_on_hoses",
-            "ghost_of_rtd",
             "bowed_scale",
             "hall_on_hose",
             "wrong_table_entry",
@@ -37,6 +35,9 @@ SIGNED = (
             "joined_scales",
             "quadratic_rtd",
             "settling_reference",
+            "sagging_lead",
+            "wavy_converter",
+            "wrong_compensation",
         )
     )
     | sealed.SIGNED

@@ -15,8 +15,6 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMBIENT,
     AMPERE,
-    BACK_STRESS,
-    CELL_SWING,
     CELL_WIDTH,
     CELLS,
     CLAMP_WARM,
@@ -119,7 +117,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, RTD_A] = water_degC
     side[:, RTD_B] = water_degC
     side[:, RUN_ON] = 60.0
-    side[:, BACK_STRESS] = 1.0
     side[:, CLAMP_WARM] = water_degC
     side[:, SEEN_BEFORE] = water_degC
     side[:, TAKEN_UP] = 1.2
@@ -129,7 +126,7 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, LOGGED] = water_degC
     side[:, LATE_SET] = 1.0
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
-    pair[FORCE_X] = pair[FORCE_Y] = pair[CELL_SWING] = pair[HELD_FORCE] = 1.2
+    pair[FORCE_X] = pair[FORCE_Y] = pair[HELD_FORCE] = 1.2
     quiet = np.zeros(8)
     quiet[INLET] = water_degC
     quiet[AMBIENT] = ambient_degC

@@ -56,12 +56,6 @@ CELL_WIDTH = PLAY + PLAYS
     SHRUNK,
     RESTED,
     RUN_ON,
-    SENSE_SOAK,
-    MOTOR_WARM,
-    CLAMP_WET,
-    COIL_LAG,
-    TWINS,
-    BACK_STRESS,
     FUSE_WARM,
     AFLOAT,
     SHARE_BEFORE,
@@ -115,7 +109,7 @@ CELL_WIDTH = PLAY + PLAYS
     STRETCHED,
     VARIANTS,
     SIDE_WIDTH,
-) = range(93)
+) = range(87)
 
 (
     TIME,
@@ -134,12 +128,6 @@ CELL_WIDTH = PLAY + PLAYS
     INDEXED,
     SPONGE,
     DRIVERS_WARM,
-    RETURNED,
-    CHILLS,
-    CHILLED_BY,
-    YIELDED,
-    CELL_SWING,
-    CELL_SWING_RATE,
     TAPE,
     CABLE,
     REPORTED,
@@ -164,9 +152,9 @@ CELL_WIDTH = PLAY + PLAYS
     STIRRED,
     UNCOUNTED,
     PAIR_WIDTH,
-) = range(46)
+) = range(40)
 
-RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
+RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256
 
 INPUTS = ("i_x_A", "i_y_A", "duty_x", "duty_y", "inlet_degC", "ambient_degC", "luck_x", "luck_y")

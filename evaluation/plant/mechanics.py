@@ -42,7 +42,6 @@ from evaluation.plant.layout import (
     TIME,
     TONGUE,
     TURNED,
-    TWINS,
     TWINS_RUB,
     VARIANTS,
     WORK_DONE,
@@ -54,7 +53,6 @@ from evaluation.plant.parameters import index
 from evaluation.plant.phase import TURN_ONSET, TURN_POWER, TURN_SCALE, turned_by
 from evaluation.plant.tendon import (
     BIMETAL,
-    jets,
     longer_tendon,
     tied,
 )
@@ -78,8 +76,6 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
-TWINS_FOLLOW = slot("following_twins")
-SHAKEN_FREE = slot("freed_by_pumps")
 REMNANTS = slot("reverting_remnants")
 LEAF = slot("folding_leaf")
 SKEWED = slot("skewed_guide")
@@ -122,8 +118,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         total += 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
-    side[s, GROWN] = 1e-3 * e[s, TWINS_FOLLOW] * side[s, TWINS]
-    side[s, GROWN] += 1e-3 * e[s, TWINS_RUBBING] * martensite * side[s, TWINS_RUB]
+    side[s, GROWN] = 1e-3 * e[s, TWINS_RUBBING] * martensite * side[s, TWINS_RUB]
     side[s, GROWN] += 1e-3 * e[s, LATE_STRAIN] * (side[s, LATE_SET] - martensite)
     side[s, GROWN] += 1e-3 * e[s, SETTLES] * side[s, VARIANTS]
     side[s, GROWN] += 1e-3 * (e[s, SHIFTS] * side[s, PIN] - e[s, REMNANTS] * reverted)
@@ -235,7 +230,6 @@ def resisting(
     total += e[0, SOAKING] * pair[SPONGE]
     flowing = side[0, FLOW] + side[1, FLOW]
     rubbing = e[0, GRIPPING] * flowing / full_flow
-    rubbing += e[0, SHAKEN_FREE] * max(1.0 - flowing / full_flow, 0.0)
     rubbing += e[0, SKEWED] * (before / 5e-3) ** 2
     rubbing += e[0, FELT] * pair[SPILT]
     rubbing += e[0, RUNS_IN] * math.exp(-pair[RUN_IN] / RUN_IN_m)
@@ -261,7 +255,7 @@ def resisting(
     total += math.copysign(e[0, PUSHED] * min(max(over / GRIPS_m, 0.0), 1.0), moved)
     slope += e[0, PUSHED] / GRIPS_m if 0.0 < over < GRIPS_m else 0.0
     hung, stiff = tied(x, e)
-    hung += jets(full_flow, e, side) - e[0, BIMETAL] * pair[TONGUE]
+    hung -= e[0, BIMETAL] * pair[TONGUE]
     hung -= e[0, GUY] * math.exp(-pair[TIME] / GUY_S)
     return total + hung, slope + stiff, bristle
 

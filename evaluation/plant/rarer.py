@@ -14,7 +14,6 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AFLOAT,
     AMPERE,
-    BACK_STRESS,
     BELT,
     BLOWN,
     BRAKING,
@@ -24,7 +23,6 @@ from evaluation.plant.layout import (
     CELLS,
     CHARGED,
     CLAMP_WARM,
-    CLAMP_WET,
     CURED,
     CURING,
     DRAGGED,
@@ -38,7 +36,6 @@ from evaluation.plant.layout import (
     LATE_SET,
     LINT,
     LIT,
-    MOTOR_WARM,
     ORDERED,
     OTHER_PLUME,
     PIN,
@@ -49,12 +46,10 @@ from evaluation.plant.layout import (
     RUST,
     SHARE_BEFORE,
     SLIME,
-    SPEED,
     SPEED_BEFORE,
     STRETCHED,
     TIME,
     TRAINED,
-    TWINS,
     TWINS_RUB,
     VARIANTS,
     T,
@@ -80,10 +75,6 @@ DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
 BENT = slot("bent_coils")
-CRACKLING = slot("crackling_wire")
-FANNED = slot("fanned_by_tendon")
-MOTOR_BELOW = slot("motor_under_tube")
-SPRAYED = slot("sprayed_clamp")
 LOOSENING = slot("loosening_crimp")
 FLAKES = slot("stirred_up_flakes")
 LAGGING = slot("shifted_lagging")
@@ -166,12 +157,9 @@ def bend(s: int, e: Array, pair: Array, rows: Array) -> None:
 @compiled
 def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array) -> None:
     """Change `rows` by what films, losses, ends and cores do to a tube."""
-    speed = abs(pair[SPEED])
-    stirred = 1.0 + e[s, CRACKLING] * side[s, RATE] / (side[s, RATE] + 0.05)
-    wetter = 1.0 + e[0, FANNED] * speed / (speed + 2e-3)
-    stirred /= 1.0 + e[s, FLAKES] * side[s, AFLOAT]
+    stirred = 1.0 / (1.0 + e[s, FLAKES] * side[s, AFLOAT])
     drawn_in = pair[X] if s == 0 else -pair[X]
-    wetter *= 1.0 + e[s, LAGGING] * min(max(drawn_in / 4e-3, 0.0), 1.0)
+    wetter = 1.0 + e[s, LAGGING] * min(max(drawn_in / 4e-3, 0.0), 1.0)
     wetter *= 1.0 + e[1 - s, MOTOR_FAN] * side[1 - s, PUMP]
     stirred /= 1.0 + e[s, RUSTS] * side[s, RUST]
     stirred /= 1.0 + e[s, FROTHS] * side[s, FROTH]
@@ -187,29 +175,14 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
     warmer = cells[1 - s, CELLS - 1, T] - cells[s, CELLS - 1, T]
     rows[CELLS - 1, HEAT_WIRE] += e[0, END_STRAP] * warmer
     rows[0, HEAT_WIRE] += e[s, CLAMP] * (side[s, CLAMP_WARM] - cells[s, 0, T])
-    rows[CELLS - 1, TO_CLAMP] += e[s, SPRAYED] * side[s, CLAMP_WET]
     rows[0, TO_CLAMP] += e[s, PRESSED] * max(tension, 0.0) / 1.24
     for i in range(CELLS):
         rows[i, HEAT_WATER] += warming / CELLS
-        rows[i, HEAT_WATER] += e[s, MOTOR_BELOW] * side[s, MOTOR_WARM] / CELLS
         rows[i, HEAT_WIRE] += e[s, RESIN] * side[s, CURING] / CELLS
         rows[i, FILM] *= stirred
         rows[i, LOSS] *= wetter
         rows[i, LOSS] += framed
         rows[i, HEAT_WATER] += e[1 - s, PLUME] * side[s, OTHER_PLUME] / CELLS
-
-
-@compiled
-def follow(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
-    """Update what follows spring `s` late: a motor's warmth, a wet clamp, twins."""
-    fraction = mean(s, FRACTION, 0.0, cells)
-    side[s, MOTOR_WARM] = approach(side[s, MOTOR_WARM], side[s, PUMP], dt, 8.0)
-    share = side[s, FLOW] / p[FULL_FLOW]
-    slow = 2.0 if share > side[s, CLAMP_WET] else 12.0
-    side[s, CLAMP_WET] = approach(side[s, CLAMP_WET], share, dt, slow)
-    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
-    side[s, TWINS] = approach(side[s, TWINS], fraction * (tension - 1.24) / 0.4, dt, 4.0)
-    side[s, BACK_STRESS] = approach(side[s, BACK_STRESS], fraction, dt, 8.0)
 
 
 @compiled

@@ -16,11 +16,8 @@ from evaluation.plant.layout import (
     AVERAGED,
     BLANKED,
     CABLE,
-    CELL_SWING,
-    CELL_SWING_RATE,
     CELL_UNEVEN,
     CELLS,
-    COIL_LAG,
     CONTACT,
     CONVERTED,
     CREEP_FAST,
@@ -47,14 +44,11 @@ from evaluation.plant.layout import (
     REPORTED,
     RESERVOIR,
     RING_FORCE,
-    RING_LENGTH,
-    RING_RTD_X,
     RING_X,
     RTD_A,
     RTD_B,
     RUST,
     SEEN_BEFORE,
-    SENSE_SOAK,
     SINCE_LOGGED,
     SLIPPED,
     SPEED,
@@ -71,7 +65,6 @@ from evaluation.plant.layout import (
     WHEEL,
     WHEEL_BEFORE,
     WHEEL_LOST,
-    YIELDED,
     T,
     W,
     X,
@@ -102,14 +95,6 @@ RIPPLE_FILTER = slot("ripple_filter")
 WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
-SOAKS = slot("soaking_sense")
-INSULATION = slot("leaking_insulation")
-UNSYNCHRONISED = slot("unsynchronised_clock")
-ON_HOSES = slot("bracket_on_hoses")
-BRACKET = slot("yielding_bracket")
-CELL_RINGS = slot("resonant_filter")
-GHOST = slot("ghost_of_rtd")
-OVERSHOOTS = slot("overshooting_hall")
 DIVIDER = slot("warmed_divider")
 TABLE = slot("wrong_table_entry")
 STICKS = slot("sticking_element")
@@ -151,8 +136,6 @@ SAGGING_LEAD = slot("sagging_lead")
 MOIST = slot("moist_gauge")
 MISCORRECTED = slot("wrong_compensation")
 
-CELL_RAD_S, CELL_DAMPING = 2.0 * math.pi * 0.2, 0.12  # slow enough for the load to excite it
-MISSED_S = 13.0  # after which two clocks are a whole sample apart
 BLANKS_A = 0.5  # change of its current that blanks an RTD's transmitter
 STARTLES_PER_S = 0.5  # change of a pump's speed that an indicator waits for
 CONVERTS_S = 0.5  # how often a voltmeter keeps a conversion for its average
@@ -203,10 +186,6 @@ def rtd(
         side[s, LEAD_WARM] = approach(side[s, LEAD_WARM], warm / 20.0, dt, 8.0)
         reading += e[1 - s, RTD_LEAD] * side[s, LEAD_WARM]
     reading += e[s, WASHED] * (1.0 - math.exp(-2.0 * side[s, RUST]))
-    soaked = 0.0
-    for j in range(CELLS):
-        soaked += (cells[s, j, W] - 27.0) / CELLS
-    reading += e[s, INSULATION] * side[s, AMPERE] / 4.0 * max(soaked, 0.0) / 10.0
     stuck = side[s, STUCK] + (side[s, RTD_B] - side[s, SEEN_BEFORE]) / STUCK_K
     side[s, STUCK] = min(max(stuck, -1.0), 1.0)
     side[s, SEEN_BEFORE] = side[s, RTD_B]
@@ -245,8 +224,6 @@ def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> flo
     if e[0, SLIP] > 0.0 and pair[FORCE_X] > 1.4:
         pair[SLIPPED] -= e[0, SLIP] * (moved if moved > 0.0 else 0.4 * moved)
     reading = pair[ENCODER] + pair[SLIPPED]
-    pair[YIELDED] = approach(pair[YIELDED], (pair[FORCE_X] - 1.24) / 0.4, dt, 6.0)
-    reading += e[0, BRACKET] * pair[YIELDED]
     reading += e[0, BOWED] * (seen_mm / 5.0) ** 2
     reading += e[0, LEVER] * (seen_mm / 5.0) ** 3
     reading += e[0, JOINED] * max(seen_mm, 0.0)
@@ -283,12 +260,6 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
         pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
         reading += e[0, FORCE_CREEP] * (0.5 * pair[CREEP_FAST] + pair[CREEP_SLOW])
     reading += e[0, FORCE_OFFSET] * (1.0 - 0.2 * math.exp(-time / 25.0))
-    off = CELL_RAD_S * (reading - pair[CELL_SWING])
-    off -= 2.0 * CELL_DAMPING * pair[CELL_SWING_RATE]
-    pair[CELL_SWING_RATE] += dt * CELL_RAD_S * off
-    pair[CELL_SWING] += dt * pair[CELL_SWING_RATE]
-    reading += e[0, CELL_RINGS] * (pair[CELL_SWING] - reading)
-    reading += e[0, GHOST] * (side[1, RTD_B] - 27.0) / 20.0
     reading += e[0, GRADIENT] * side[0, CELL_UNEVEN]
     reading *= max(0.1, 1.0 - e[0, EXCITATION] * (side[0, AMPERE] + side[1, AMPERE]) / 4.0)
     reading *= max(0.1, 1.0 - e[0, MOIST] * pair[SPILT])
@@ -338,8 +309,6 @@ def read(
         out[s] = side[s, AMPERE]
         out[s] -= e[s, VALLEY] * side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
-        side[s, COIL_LAG] = approach(side[s, COIL_LAG], out[s], dt, 2.0)
-        out[s] += e[s, OVERSHOOTS] * (out[s] - side[s, COIL_LAG])
         out[s] *= max(0.1, 1.0 + e[s, ON_RETURN] * side[s, HALL_WARM])
         drawn_in = pair[X] if s == 0 else -pair[X]
         out[s] /= max(0.3, 1.0 + e[s, SWAYING] * drawn_in / 5e-3)
@@ -357,18 +326,11 @@ def read(
             slow = 3.0 if share > side[s, MISTED] else 15.0
             side[s, MISTED] = approach(side[s, MISTED], share, dt, slow)
             out[2 + s] *= 1.0 - e[s, MIST] * side[s, MISTED]
-        side[s, SENSE_SOAK] = approach(side[s, SENSE_SOAK], out[2 + s], dt, 5.0)
-        out[2 + s] -= e[s, SOAKS] * (out[2 + s] - side[s, SENSE_SOAK])
         turn = pair[TIME] / CONVERTS_S
         if math.floor(turn) != math.floor(turn - dt / CONVERTS_S):
             side[s, CONVERTED] = out[2 + s]
         out[2 + s] -= e[s, CONVERTS] * (out[2 + s] - side[s, CONVERTED])
         out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
-        ring[RING_RTD_X + s, int(pair[GLANCE]) % RING_LENGTH] = out[4 + s]
-        if e[0, UNSYNCHRONISED] > 0.0:
-            turn = pair[TIME] / MISSED_S + e[2, UNSYNCHRONISED]
-            waited = e[0, UNSYNCHRONISED] * (turn - math.floor(turn)) / dt
-            out[4 + s] = late(ring, RING_RTD_X + s, pair[GLANCE], waited)
         if logs:
             side[s, LOGGED] = out[4 + s]
         out[4 + s] = side[s, LOGGED]
@@ -379,7 +341,6 @@ def read(
         wander = 1.0 + 0.15 * math.sin(2.0 * math.pi * (pair[TIME] / 20.0 + e[2, DELAY]))
         ticks = e[0, DELAY] * wander / dt
     out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, side, pair)
-    out[8] += e[0, ON_HOSES] * (side[0, FLOW] - side[1, FLOW]) / p[FULL_FLOW]
     out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, side, pair)
     total = side[0, AMPERE] + side[1, AMPERE]
     out[10] = p[SUPPLY] - p[SUPPLY_OHM] * total

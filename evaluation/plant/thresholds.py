@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
-    BACK_STRESS,
     CHARGED,
     COOLED_FROM,
     DRAGGED,
@@ -36,7 +35,6 @@ STRESS = index("stress_MPa_N")
 MINOR_LOOP = slot("minor_loop")
 DRIFT = slot("transformation_drift")
 LINGERING = slot("lingering_stress")
-BACK_STRESSES = slot("relaxing_back_stress")
 TAKES_UP = slot("lagging_stress")
 DRAGS = slot("dragging_interfaces")
 ON_AUSTENITE = slot("load_on_austenite")
@@ -65,8 +63,7 @@ def shifts(
         lifted = e[s, LINGERING] * max(side[s, INNER_STRESS] - 1.35, 0.0) / 0.4
         heat += lifted
         cool += lifted
-    left = e[s, BACK_STRESSES] * (side[s, BACK_STRESS] - cells[s, i, FRACTION])
-    left -= e[s, TAKES_UP] * (stress / p[STRESS] - side[s, TAKEN_UP]) / 0.4
+    left = -e[s, TAKES_UP] * (stress / p[STRESS] - side[s, TAKEN_UP]) / 0.4
     left += e[s, ON_AUSTENITE] * (1.0 - cells[s, i, FRACTION]) * (stress / p[STRESS] - 1.24) / 0.4
     dragged = e[s, DRAGS] * side[s, DRAGGED]
     dragged -= e[1 - s, NEIGHBOUR] * side[1 - s, DRAGGED]

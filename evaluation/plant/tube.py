@@ -51,7 +51,6 @@ from evaluation.plant.rarer import (
     bend,
     collect,
     elsewhere,
-    follow,
     grow,
     haunt,
     joints,
@@ -106,8 +105,6 @@ CORRODING = slot("corroding_wire")
 LIME = slot("lime_on_wire")
 LATENT_FADES = slot("fading_latent")
 LINGERING = slot("lingering_stress")
-PINNED = slot("freed_interfaces")
-INTERFACES = slot("scattering_interfaces")
 OF_REST = slot("latent_of_rest")
 HEALING = slot("healing_defects")
 ORDERING = slot("ordering_austenite")
@@ -135,8 +132,6 @@ def resistance(s: int, p: Array, e: Array, cells: Array, side: Array, heat: Arra
         if e[s, TEXTURED] > 0.0:
             further = cells[s, i, FRACTION] * (cells[s, i, TURNED] - p[AT_START])
             factor += e[s, TEXTURED] * min(max(further, 0.0) / 0.05, 8.0)
-        mixed = 4.0 * cells[s, i, FRACTION] * (1.0 - cells[s, i, FRACTION])
-        factor += e[s, INTERFACES] * mixed
         warm = (cells[s, i, T] - 27.0) / 10.0
         factor += e[s, MARTENSITE_WARMS] * cells[s, i, FRACTION] * warm
         heat[i] = base * factor / CELLS
@@ -186,8 +181,7 @@ def coefficients(
         row[LOSS] = loss * (out / 15.0) ** power * (0.4 + 0.6 * wet)
         row[TO_CLAMP] = 0.0
         row[SHIFT_HEAT], row[SHIFT_COOL] = shifts(s, i, stress, p, e, cells, side)
-        row[LATENT] = latent * (1.0 + e[s, PINNED] * cells[s, i, HEATING])
-        row[LATENT] *= 1.0 + e[s, OF_REST] * side[s, RESTED]
+        row[LATENT] = latent * (1.0 + e[s, OF_REST] * side[s, RESTED])
         row[LATENT] *= 1.0 + e[s, UNEVEN] * (1.0 - cells[s, i, FRACTION])
         row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
@@ -289,7 +283,6 @@ def tube(
         gained = side[s, FLOW] * (cells[s, CELLS - 1, W] - source) * dt
         pair[RESERVOIR] += e[s, RESERVOIR_WARMS] * gained / 400.0
     remember(s, stress, p, e, cells, side, dt)
-    follow(s, p, cells, side, pair, dt)
     trail(s, p, e, cells, side, pair, dt)
     haunt(s, p, cells, side, pair, dt)
     stay(s, p, cells, side, pair, dt)

@@ -15,8 +15,6 @@ from evaluation.plant.layout import (
     AMPERE,
     BUBBLE,
     CELLS,
-    CHILLED_BY,
-    CHILLS,
     FEED_WARM,
     FILL,
     FLOW,
@@ -26,7 +24,6 @@ from evaluation.plant.layout import (
     POCKET,
     REFILLED,
     RESERVOIR,
-    RETURNED,
     SINK_WARM,
     SPEED,
     STIRRED,
@@ -39,7 +36,6 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
-CHILLER = slot("relay_chiller")
 COOLED_DRIVER = slot("water_cooled_driver")
 FLOAT_VALVE = slot("float_valve")
 FEED_WOUND = slot("feed_wound_on_tube")
@@ -50,7 +46,6 @@ DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
 POCKET_S = 0.5
 REFILLS_AFTER_S = 8.0  # of one tube's full flow, before a float valve opens
-CHILLS_AT, RESTS_AT = 0.5, 0.25  # of the warmth that has returned, at a chiller's bulb
 
 
 @compiled
@@ -90,20 +85,6 @@ def pockets(s: int, e: Array, cells: Array, side: Array, luck: float, dt: float)
 
 
 @compiled
-def chill(cells: Array, side: Array, pair: Array, dt: float) -> None:
-    """Switch a chiller by the warmth of what has returned to the vessel."""
-    brought = 0.0
-    for s in range(2):
-        brought += side[s, FLOW] / 0.55 * (cells[s, CELLS - 1, W] - 27.0) / 10.0
-    pair[RETURNED] += dt * (brought / 4.0 - pair[RETURNED] / 20.0)
-    if pair[RETURNED] > CHILLS_AT:
-        pair[CHILLS] = 1.0
-    elif pair[RETURNED] < RESTS_AT:
-        pair[CHILLS] = 0.0
-    pair[CHILLED_BY] = approach(pair[CHILLED_BY], pair[CHILLS], dt, 3.0)
-
-
-@compiled
 def refill(side: Array, pair: Array, dt: float) -> None:
     """Let a float valve refill the vessel each time that so much has been pumped."""
     pair[LEVEL_LOST] += dt * (side[0, FLOW] + side[1, FLOW]) / 0.55
@@ -127,12 +108,10 @@ def entering(
     side[s, FEED_WARM] = approach(side[s, FEED_WARM], beside, dt, 4.0)
     source += e[s, FEED_WOUND] * side[s, FEED_WARM] / (1.0 + 4.0 * side[s, FLOW] / 0.55)
     if s == 0:
-        chill(cells, side, pair, dt)
         refill(side, pair, dt)
         stirred = approach(pair[STIRRED], 0.0, dt, 8.0)
         pair[STIRRED] = stirred + dt * abs(pair[SPEED]) / 10e-3
         pair[MIXER] = approach(pair[MIXER], (side[0, FLOW] + side[1, FLOW]) / 0.55, dt, 5.0)
-    source -= e[0, CHILLER] * pair[CHILLED_BY]
     source -= e[0, FLOAT_VALVE] * pair[REFILLED]
     source += e[0, MIXER_LAGS] * ((side[0, FLOW] + side[1, FLOW]) / 0.55 - pair[MIXER])
     source -= e[0, STIRS] * pair[STIRRED]
