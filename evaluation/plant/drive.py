@@ -13,6 +13,7 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AIR_DRAWN,
     AMPERE,
+    CLOGGED,
     COUNTED,
     DUTY_BEFORE,
     FLOW,
@@ -30,14 +31,18 @@ from evaluation.plant.layout import (
     OHM,
     PRIMED,
     PUMP,
+    RAMPED,
     RETURN_POT,
     RING_DUTY_X,
     RING_LENGTH,
     RUN_ON,
+    SET_BEFORE,
     SPEED,
     SPILT,
     SPIN,
     SPIN_RATE,
+    STAGE,
+    TAP_OPEN,
     THROTTLE,
     TIME,
     TIRED,
@@ -83,6 +88,10 @@ BURSTS = slot("burst_firing")
 WORN_TRACK = slot("worn_setpoint_track")
 LIFTS_PUMP = slot("pump_on_heater_ground")
 SUCKS_AIR = slot("vortex_over_intake")
+JOINS = slot("joining_stage")
+TAPS = slot("changing_taps")
+RAMPS = slot("ramped_pump")
+CLEANS = slot("self_cleaning_filter")
 
 CURRENT_LIMIT_A = 4.0
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
@@ -94,6 +103,9 @@ FALLS_BACK_S = 2.0  # how long a flow switch stays after its flow
 GATHERS_AT, BLOWN_OUT_AT = 0.05, 0.85  # speed of a pump whose head gathers air, or loses it
 BURST_S = 3.0  # how often a driver fires a burst
 TRACK_A = 0.4  # how much of a set value's track is worn
+JOINS_A, LEAVES_A = 2.2, 1.4  # set value at which a second stage joins in and leaves
+TAP_S = 0.5  # how long a changer of taps is open
+CLEANS_S = 4.0  # of full flow, after which a filter flushes itself back
 VORTEX_AT, VORTEX_S = 0.6, 3.0  # both flows' share above which a vortex grows, and how fast
 FLOWS_AT = 0.1  # speed of a pump from which a flow switch sees its flow
 
@@ -121,6 +133,18 @@ def current(
 ) -> float:
     """Real current (A) through spring `s` for a commanded one."""
     i = min(max(command, 0.0), CURRENT_LIMIT_A)
+    if i > JOINS_A:
+        side[s, STAGE] = approach(side[s, STAGE], 1.0, dt, 0.3)
+    elif i < LEAVES_A:
+        side[s, STAGE] = approach(side[s, STAGE], 0.0, dt, 0.3)
+    tap = 1.0 + 2.0 * e[2, TAPS]
+    if (i - tap) * (side[s, SET_BEFORE] - tap) < 0.0:
+        side[s, TAP_OPEN] = TAP_S
+    side[s, SET_BEFORE] = i
+    i *= 1.0 + e[s, JOINS] * side[s, STAGE]
+    if side[s, TAP_OPEN] > 0.0:
+        i *= 1.0 - min(e[s, TAPS], 0.9)
+        side[s, TAP_OPEN] -= dt
     half = 0.5 * e[s, VARIAC]
     side[s, WOUND] = min(max(side[s, WOUND], i - half), i + half)
     if i > 0.0:
@@ -199,6 +223,11 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     half = 0.5 * e[s, THROTTLE_PLAY]
     side[s, THROTTLE] = min(max(side[s, THROTTLE], share - half), share + half)
     share = side[s, THROTTLE]
+    side[s, RAMPED] = min(share, side[s, RAMPED] + dt / max(e[s, RAMPS], 1e-9))
+    share = side[s, RAMPED]
+    share *= 1.0 - min(e[s, CLEANS], 0.95) * side[s, CLOGGED]
+    side[s, CLOGGED] += dt / CLEANS_S * share
+    side[s, CLOGGED] -= math.floor(side[s, CLOGGED])
     drawn_in = pair[X] if s == 0 else -pair[X]
     share *= max(1.0 - e[s, LIFTED] * drawn_in / 5e-3, 0.0)
     beat = math.sin(2.0 * math.pi * (pair[TIME] / GEARS_S + e[2, GEARS]))

@@ -15,6 +15,7 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMBIENT,
     AMPERE,
+    BURST,
     CELL_WIDTH,
     CELLS,
     CLAMP_WARM,
@@ -27,6 +28,7 @@ from evaluation.plant.layout import (
     FORCE_Y,
     FRACTION,
     GLANCE,
+    GRAINS,
     HEATED_FROM,
     HELD_FORCE,
     I_X,
@@ -38,6 +40,7 @@ from evaluation.plant.layout import (
     OHM,
     PAIR_WIDTH,
     PASTED,
+    PHASE_BEFORE,
     PLAY,
     RING_DUTY_X,
     RING_FORCE,
@@ -50,7 +53,9 @@ from evaluation.plant.layout import (
     RUN_ON,
     SEEN_BEFORE,
     SIDE_WIDTH,
+    SINCE_MOVED,
     SINK_WARM,
+    SLEEVE,
     STEM,
     TAKEN_UP,
     TIME,
@@ -125,6 +130,11 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, PASTED] = water_degC
     side[:, LOGGED] = water_degC
     side[:, LATE_SET] = 1.0
+    side[:, SLEEVE] = water_degC
+    side[:, GRAINS] = 1.2
+    side[:, PHASE_BEFORE] = 1.0
+    side[:, BURST] = 1.0
+    pair[SINCE_MOVED] = 60.0
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
     pair[FORCE_X] = pair[FORCE_Y] = pair[HELD_FORCE] = 1.2
     quiet = np.zeros(8)

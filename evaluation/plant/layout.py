@@ -108,8 +108,25 @@ CELL_WIDTH = PLAY + PLAYS
     BRAKING,
     STRETCHED,
     VARIANTS,
+    STAGE,
+    SET_BEFORE,
+    TAP_OPEN,
+    MOTOR_HEAT,
+    RAMPED,
+    CLOGGED,
+    SETTLED,
+    DRAUGHT,
+    MOLTEN,
+    MELTS,
+    SLEEVE,
+    PARTED,
+    UNZEROED,
+    GRAINS,
+    PHASE_BEFORE,
+    LATE_HEAT,
+    BURST,
     SIDE_WIDTH,
-) = range(87)
+) = range(104)
 
 (
     TIME,
@@ -151,8 +168,15 @@ CELL_WIDTH = PLAY + PLAYS
     VORTEX,
     STIRRED,
     UNCOUNTED,
+    SPARE,
+    SINCE_MOVED,
+    WATCHED,
+    POST,
+    POST_RATE,
+    CHARGE,
+    OIL_WARM,
     PAIR_WIDTH,
-) = range(40)
+) = range(47)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

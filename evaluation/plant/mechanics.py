@@ -16,6 +16,7 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
+    BURST,
     CELLS,
     COLLAR,
     COMPLIANT,
@@ -27,9 +28,11 @@ from evaluation.plant.layout import (
     FRACTION,
     FREE_STRAIN,
     FRICTION,
+    FUSE_WARM,
     GROWN,
     KNOT,
     LATE_SET,
+    OIL_WARM,
     PIN,
     PUMP,
     R_PHASE,
@@ -92,12 +95,18 @@ PADDLE = slot("paddle_in_water")
 SETTLES = slot("relaxing_coils")
 TAPED = slot("taped_slide")
 GUY = slot("relaxing_guy")
+BOLT = slot("anchor_bolt_in_circuit")
+BURSTING = slot("bursting_variants")
+CAM = slot("turning_cam")
+DASHPOT = slot("dashpot_on_outlet")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 TAPER_m = 4e-3  # travel over which a dashpot's drag grows by a factor of 2.7
 RUN_IN_m, TOOTH_m = 3e-2, 2.5e-3  # way over which a guide runs in, and from tooth to tooth
 TAPE_END_m, GUY_S = 5e-4, 20.0  # how sharp a tape's end is, and how fast a guy relaxes
+CAM_S = 11.0  # how often a turning cam presses on the tendon
+BURST_m = 12e-3  # deflection that waits for the whole wire to burst
 COLLAR_m, GRIPS_m = 1.5e-3, 3e-4  # half a collar's play, and how far it gives
 
 
@@ -121,6 +130,9 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     side[s, GROWN] = 1e-3 * e[s, TWINS_RUBBING] * martensite * side[s, TWINS_RUB]
     side[s, GROWN] += 1e-3 * e[s, LATE_STRAIN] * (side[s, LATE_SET] - martensite)
     side[s, GROWN] += 1e-3 * e[s, SETTLES] * side[s, VARIANTS]
+    side[s, GROWN] += 1e-3 * e[s, BOLT] * side[s, FUSE_WARM]
+    if e[s, BURSTING] > 0.0:
+        side[s, GROWN] += BURST_m * (side[s, BURST] - martensite)
     side[s, GROWN] += 1e-3 * (e[s, SHIFTS] * side[s, PIN] - e[s, REMNANTS] * reverted)
     side[s, GROWN] -= 1e-3 * (e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, MOBILE] > 0.0:
@@ -235,6 +247,8 @@ def resisting(
     rubbing += e[0, RUNS_IN] * math.exp(-pair[RUN_IN] / RUN_IN_m)
     taped = (before - 6e-3 * (e[2, TAPED] - 0.5)) / TAPE_END_m
     rubbing += e[0, TAPED] * 0.5 * (1.0 + math.tanh(taped))
+    pressing = math.sin(math.pi * (pair[TIME] / CAM_S + e[2, CAM]))
+    rubbing += e[0, CAM] * pressing * pressing
     if x > before:
         teeth = before / TOOTH_m + e[2, PAWL]
         rubbing += e[0, PAWL] * (teeth - math.floor(teeth))
@@ -242,6 +256,7 @@ def resisting(
     total += rubbing * v / (abs(v) + 1.0)
     slope += rubbing / (abs(v) + 1.0) ** 2 / dt / 5e-4
     braking = e[0, TAPERING] * math.exp(before / TAPER_m) / dt / 5e-3
+    braking += e[0, DASHPOT] * math.exp(-pair[OIL_WARM]) / dt / 5e-3
     total += braking * (x - before)
     slope += braking
     v = (x - before) / dt / 5e-3
@@ -300,6 +315,8 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[COLLAR] = min(max(pair[COLLAR] + (x - before), -gripped), gripped)
     apart = (cells[0, CELLS - 1, W] - cells[1, CELLS - 1, W]) / 20.0
     pair[TONGUE] = approach(pair[TONGUE], apart, dt, 6.0)
+    oil = max(cells[0, CELLS - 1, W] - 27.0, 0.0) / 10.0
+    pair[OIL_WARM] = approach(pair[OIL_WARM], oil, dt, 6.0)
     pair[KNOT] += dt / 10.0 * (side[0, PUMP] + side[1, PUMP])
     if e[0, SOAKING] > 0.0:
         spilt = (side[0, FLOW] + side[1, FLOW]) / p[FULL_FLOW]

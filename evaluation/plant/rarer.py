@@ -17,6 +17,7 @@ from evaluation.plant.layout import (
     BELT,
     BLOWN,
     BRAKING,
+    BURST,
     CARRIED,
     CELL_SOAK,
     CELL_UNEVEN,
@@ -26,6 +27,7 @@ from evaluation.plant.layout import (
     CURED,
     CURING,
     DRAGGED,
+    DRAUGHT,
     DUMMY,
     FLOW,
     FORCE_X,
@@ -33,25 +35,34 @@ from evaluation.plant.layout import (
     FRACTION,
     FROTH,
     HALL_WARM,
+    LATE_HEAT,
     LATE_SET,
     LINT,
     LIT,
+    MELTS,
+    MOLTEN,
+    MOTOR_HEAT,
     ORDERED,
     OTHER_PLUME,
+    PHASE_BEFORE,
     PIN,
     PUMP,
     RATE,
     REGULATOR,
     RUBBED_BEFORE,
     RUST,
+    SETTLED,
     SHARE_BEFORE,
+    SINCE_MOVED,
     SLIME,
+    SPEED,
     SPEED_BEFORE,
     STRETCHED,
     TIME,
     TRAINED,
     TWINS_RUB,
     VARIANTS,
+    WATCHED,
     T,
     W,
     X,
@@ -97,6 +108,11 @@ LINTY = slot("lint_in_coil")
 CAM_LAMP = slot("cam_switched_lamp")
 BRAKES = slot("brake_resistor_under_tube")
 RESIN = slot("curing_resin")
+SILTY = slot("silt_of_other_return")
+CHIMNEY = slot("chimney_over_tube")
+DETECTOR = slot("motion_detector_lamp")
+WAX = slot("supercooling_wax")
+BURSTS = slot("bursting_variants")
 
 CLAMP_J_K = 3.0
 PIN_SHIFTS_N, PIN_RETURNS_N = 1.5, 1.3  # load at which an anchor's pin shifts and returns
@@ -105,6 +121,8 @@ BELT_ON_degC, BELT_OFF_degC = 30.0, 33.0  # mean water that switches a heating b
 FAN_ON_degC, FAN_OFF_degC = 36.0, 32.0  # mean water that switches a fan
 CAM_ON_m, CAM_OFF_m = 2.5e-3, 1e-3  # own contraction at which a cam switches a lamp
 CURES_degC, CURES_K_s = 34.0, 100.0  # wire above which a resin cures, and what that takes
+MELTS_degC, SETS_degC, WAX_K = 38.0, 32.0, 4.0  # where a wax begins to melt, and has set
+MOVES_m_s, SHINES_S = 1e-3, 5.0  # speed that lights a lamp, and how long it stays on
 BASE_A = 0.5  # sum of currents below which a supply needs its dummy load
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
 
@@ -165,10 +183,13 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
     stirred /= 1.0 + e[s, FROTHS] * side[s, FROTH]
     stirred /= 1.0 + e[s, SLIMY] * side[s, SLIME]
     stirred /= 1.0 + e[s, LINTY] * side[s, LINT]
+    stirred /= 1.0 + e[1 - s, SILTY] * side[s, SETTLED]
     wetter *= 1.0 + e[s, BLOWS] * side[s, BLOWN]
+    wetter *= 1.0 + e[s, CHIMNEY] * side[s, DRAUGHT]
     rows[0, HEAT_WIRE] += e[s, UNLIKE] * side[s, AMPERE]
     warming = e[s, BELTED] * side[s, BELT] + e[s, REGULATED] * side[s, REGULATOR]
     warming += e[0, DUMMY_LOAD] * pair[DUMMY]
+    warming += e[0, DETECTOR] * pair[WATCHED]
     warming += e[s, CAM_LAMP] * side[s, LIT] + e[s, BRAKES] * side[s, BRAKING]
     tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     framed = e[s, ON_FRAME] * min(max((tension - 1.24) / 0.4, 0.0), 1.0) / CELLS
@@ -179,6 +200,7 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
     for i in range(CELLS):
         rows[i, HEAT_WATER] += warming / CELLS
         rows[i, HEAT_WIRE] += e[s, RESIN] * side[s, CURING] / CELLS
+        rows[i, HEAT_WIRE] -= e[s, WAX] * side[s, MELTS] / CELLS
         rows[i, FILM] *= stirred
         rows[i, LOSS] *= wetter
         rows[i, LOSS] += framed
@@ -280,3 +302,33 @@ def collect(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float)
     side[s, BRAKING] = approach(side[s, BRAKING], 0.0, dt, 4.0) + lost
     side[s, STRETCHED] = max(side[s, STRETCHED], -drawn_in / 5e-3)
     side[s, VARIANTS] = approach(side[s, VARIANTS], -drawn_in / 5e-3, dt, 12.0)
+
+
+@compiled
+def hold_back(
+    s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float
+) -> None:
+    """Update what comes late to spring `s`: silt, a draught, molten wax, heat and strain."""
+    side[s, MOTOR_HEAT] = approach(side[s, MOTOR_HEAT], side[s, PUMP], dt, 8.0)
+    brought = side[s, SETTLED] + dt / 8.0 * side[1 - s, FLOW] / p[FULL_FLOW]
+    side[s, SETTLED] = brought * math.exp(-dt / 3.0 * side[s, FLOW] / p[FULL_FLOW])
+    warm = max(mean(s, W, 27.0, cells), 0.0) / 10.0
+    side[s, DRAUGHT] = approach(side[s, DRAUGHT], warm, dt, 8.0)
+    wire = mean(s, T, 0.0, cells)
+    melting = min(max((wire - MELTS_degC) / WAX_K, 0.0), 1.0)
+    setting = min(max((wire - SETS_degC) / WAX_K, 0.0), 1.0)
+    goal = min(max(side[s, MOLTEN], melting), setting)
+    # Over 0.5 s: heat that followed the wire at once would swing from tick to tick.
+    molten = approach(side[s, MOLTEN], goal, dt, 0.5)
+    side[s, MELTS] = (molten - side[s, MOLTEN]) / dt
+    side[s, MOLTEN] = molten
+    fraction = mean(s, FRACTION, 0.0, cells)
+    gained = fraction - side[s, PHASE_BEFORE]
+    side[s, LATE_HEAT] = approach(side[s, LATE_HEAT], 0.0, dt, 6.0) + gained
+    side[s, PHASE_BEFORE] = fraction
+    if abs(fraction - side[s, BURST]) > e[s, BURSTS]:
+        side[s, BURST] = fraction
+    if s == 1:
+        pair[SINCE_MOVED] = 0.0 if abs(pair[SPEED]) > MOVES_m_s else pair[SINCE_MOVED] + dt
+        lit = 1.0 if pair[SINCE_MOVED] < SHINES_S else 0.0
+        pair[WATCHED] = approach(pair[WATCHED], lit, dt, 0.3)

@@ -18,6 +18,7 @@ from evaluation.plant.layout import (
     CABLE,
     CELL_UNEVEN,
     CELLS,
+    CHARGE,
     CONTACT,
     CONVERTED,
     CREEP_FAST,
@@ -38,8 +39,12 @@ from evaluation.plant.layout import (
     LEAD_WARM,
     LOGGED,
     MISTED,
+    MOTOR_HEAT,
     OHM,
+    PARTED,
     PASTED,
+    POST,
+    POST_RATE,
     PUMP,
     REPORTED,
     RESERVOIR,
@@ -50,6 +55,7 @@ from evaluation.plant.layout import (
     RUST,
     SEEN_BEFORE,
     SINCE_LOGGED,
+    SLEEVE,
     SLIPPED,
     SPEED,
     SPEED_BEFORE,
@@ -61,6 +67,7 @@ from evaluation.plant.layout import (
     TIME,
     TURNED,
     UNCOUNTED,
+    UNZEROED,
     WAITS,
     WHEEL,
     WHEEL_BEFORE,
@@ -135,6 +142,15 @@ DRYING = slot("drying_scale")
 SAGGING_LEAD = slot("sagging_lead")
 MOIST = slot("moist_gauge")
 MISCORRECTED = slot("wrong_compensation")
+OVER_MOTOR = slot("lead_over_other_motor")
+SWAYS = slot("swaying_reference")
+SLEEVED = slot("warm_sleeve")
+PARTS = slot("parting_rtd_joint")
+SLACKENS = slot("slackening_string")
+POST_RINGS = slot("ringing_post")
+CHARGES = slot("charging_slide")
+ROLLER = slot("eccentric_roller_on_cell")
+ZEROED = slot("zeroed_at_rest")
 
 BLANKS_A = 0.5  # change of its current that blanks an RTD's transmitter
 STARTLES_PER_S = 0.5  # change of a pump's speed that an indicator waits for
@@ -143,6 +159,10 @@ STANDS_m_s = 2e-4  # speed at which a logger reads twice as often
 CARRIER_S = 5.5  # how often a carrier beats with the chopped currents
 STUCK_K, RUBS_m = 4.0, 1e-3  # how far a winding and a cable give before they slip
 WAVE_V = 0.8  # period of a converter's error
+SWAYS_S = 8.0  # how often a voltmeter's reference sways
+ROLLER_m = 9e-3  # travel in one turn of a roller on the load cell
+PARTS_m, MEETS_m = 2.5e-3, 1e-3  # own stretch at which a joint parts and meets again
+POST_RAD_S, POST_DAMPING = 2.0 * math.pi * 0.5, 0.1  # an encoder's post that rings
 DRIES_S = 20.0  # how long a scale takes to dry
 LINE_mm = 4.0  # from one line of a scale to the next
 
@@ -177,6 +197,9 @@ def rtd(
     set_by = 1.0 - min(max((reading - 32.0) / 10.0, 0.0), 1.0)
     side[s, PASTED] = approach(side[s, PASTED], reading, dt, e[s, PASTE] * set_by)
     reading = side[s, PASTED]
+    falling = e[s, SLEEVED] if reading < side[s, SLEEVE] else 0.0
+    side[s, SLEEVE] = approach(side[s, SLEEVE], reading, dt, falling)
+    reading = side[s, SLEEVE]
     reading += e[s, RTD_OFFSET] * (1.0 + 0.01 * (reading - 27.0))
     reading += e[s, QUADRATIC] * ((reading - 27.0) / 20.0) ** 2
     if e[1 - s, RTD_LEAD] > 0.0:
@@ -185,6 +208,12 @@ def rtd(
             warm += (cells[1 - s, j, W] - 27.0) / CELLS
         side[s, LEAD_WARM] = approach(side[s, LEAD_WARM], warm / 20.0, dt, 8.0)
         reading += e[1 - s, RTD_LEAD] * side[s, LEAD_WARM]
+    drawn_out = pair[X] if s == 1 else -pair[X]
+    if drawn_out > PARTS_m:
+        side[s, PARTED] = approach(side[s, PARTED], 1.0, dt, 0.2)
+    elif drawn_out < MEETS_m:
+        side[s, PARTED] = approach(side[s, PARTED], 0.0, dt, 0.2)
+    reading += e[s, PARTS] * side[s, PARTED]
     reading += e[s, WASHED] * (1.0 - math.exp(-2.0 * side[s, RUST]))
     stuck = side[s, STUCK] + (side[s, RTD_B] - side[s, SEEN_BEFORE]) / STUCK_K
     side[s, STUCK] = min(max(stuck, -1.0), 1.0)
@@ -247,6 +276,13 @@ def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> flo
         if abs(off) > 1.0:
             pair[INDEXED] = 1.0 if off > 0.0 else 0.0
         reading += e[0, WIDE_INDEX] * pair[INDEXED]
+    turning = side[0, PUMP] + side[1, PUMP]
+    pulled = POST_RAD_S * (turning - pair[POST]) - 2.0 * POST_DAMPING * pair[POST_RATE]
+    pair[POST_RATE] += dt * POST_RAD_S * pulled
+    pair[POST] += dt * pair[POST_RATE]
+    reading += e[0, POST_RINGS] * (pair[POST] - turning)
+    slack = max(-pair[SPEED], 0.0) / 5e-3
+    reading += e[0, SLACKENS] * slack * slack
     return float(reading)
 
 
@@ -260,6 +296,10 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
         pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
         reading += e[0, FORCE_CREEP] * (0.5 * pair[CREEP_FAST] + pair[CREEP_SLOW])
     reading += e[0, FORCE_OFFSET] * (1.0 - 0.2 * math.exp(-time / 25.0))
+    rolled = pair[X] / ROLLER_m + e[2, ROLLER]
+    reading *= 1.0 + min(e[0, ROLLER], 0.9) * math.sin(2.0 * math.pi * rolled)
+    pair[CHARGE] = approach(pair[CHARGE], 0.0, dt, 4.0) + dt * abs(pair[SPEED]) / 10e-3
+    reading += e[0, CHARGES] * pair[CHARGE]
     reading += e[0, GRADIENT] * side[0, CELL_UNEVEN]
     reading *= max(0.1, 1.0 - e[0, EXCITATION] * (side[0, AMPERE] + side[1, AMPERE]) / 4.0)
     reading *= max(0.1, 1.0 - e[0, MOIST] * pair[SPILT])
@@ -314,8 +354,14 @@ def read(
         out[s] /= max(0.3, 1.0 + e[s, SWAYING] * drawn_in / 5e-3)
         out[s] *= max(0.1, 1.0 - e[0, PUMP_RAIL] * (side[0, PUMP] + side[1, PUMP]))
         out[s] *= max(0.1, 1.0 + e[s, MISCORRECTED] * (side[s, RTD_B] - 27.0) / 20.0)
+        heating = side[s, AMPERE] > 0.05
+        side[s, UNZEROED] = approach(side[s, UNZEROED], 1.0, dt, 6.0) if heating else 0.0
+        out[s] += e[s, ZEROED] * side[s, UNZEROED]
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
+        contact += e[1 - s, OVER_MOTOR] * side[1 - s, MOTOR_HEAT]
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
+        swayed = math.sin(2.0 * math.pi * (pair[TIME] / SWAYS_S + e[2, SWAYS]))
+        out[2 + s] *= 1.0 + e[s, SWAYS] * swayed
         out[2 + s] *= max(0.1, 1.0 + e[0, DIVIDER] * pair[DRIVERS_WARM])
         heard = max(out[2 + s], 0.0)
         out[2 + s] += e[s, RMS] * (math.sqrt(heard * p[SUPPLY]) - heard)

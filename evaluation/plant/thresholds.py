@@ -15,6 +15,7 @@ from evaluation.plant.layout import (
     COOLED_FROM,
     DRAGGED,
     FRACTION,
+    GRAINS,
     HEATED_FROM,
     INNER_STRESS,
     STRETCHED,
@@ -43,6 +44,9 @@ TRAINS = slot("training_under_load")
 COAT = slot("mismatched_coat")
 DRAWN_OUT = slot("drawn_out_once")
 NEIGHBOUR = slot("crackling_neighbour")
+GRAINS_PLAY = slot("grains_with_play")
+
+GRAINS_K_N = 12.0  # what a newton that grains hold back does to the thresholds
 
 
 @compiled
@@ -69,6 +73,9 @@ def shifts(
     dragged -= e[1 - s, NEIGHBOUR] * side[1 - s, DRAGGED]
     left -= e[s, DRAWN_OUT] * side[s, STRETCHED]
     left -= e[s, HYDROGEN] * side[s, CHARGED]
+    load = stress / p[STRESS]
+    half = 0.5 * e[s, GRAINS_PLAY]
+    left += GRAINS_K_N * (min(max(side[s, GRAINS], load - half), load + half) - load)
     left += e[s, COAT] * (cells[s, i, T] - cells[s, i, W]) / 10.0
     cool += e[s, TRAINS] * (1.0 - math.exp(-side[s, TRAINED]))
     return heat + left + dragged, cool + left - dragged

@@ -21,9 +21,11 @@ from evaluation.plant.layout import (
     DEFECTS,
     FLOW,
     FRACTION,
+    GRAINS,
     HEATED_FROM,
     HEATING,
     INNER_STRESS,
+    LATE_HEAT,
     LIMED,
     OHM,
     ORDERED,
@@ -53,6 +55,7 @@ from evaluation.plant.rarer import (
     elsewhere,
     grow,
     haunt,
+    hold_back,
     joints,
     seldom,
     stay,
@@ -110,6 +113,8 @@ HEALING = slot("healing_defects")
 ORDERING = slot("ordering_austenite")
 MARTENSITE_WARMS = slot("warm_martensite_resists")
 UNEVEN = slot("uneven_latent")
+LATE_LATENT = slot("late_latent")
+PLAYS_OF_GRAINS = slot("grains_with_play")
 
 
 @compiled
@@ -173,6 +178,7 @@ def coefficients(
         out = max(abs(water - ambient), 0.2)
         wet = cells[s, i, WET]
         row[HEAT_WIRE] = amperes * amperes * heat[i]
+        row[HEAT_WIRE] += e[s, LATE_LATENT] * latent * side[s, LATE_HEAT] / 6.0
         row[HEAT_WATER] = 0.0
         covered = wet * (1.0 - e[s, BUBBLES] * cells[s, i, BUBBLE])
         conductance = film(still, p[FORCED] / CELLS, 0.15 + 0.5 * e[s, EXPONENT], across, share)
@@ -183,6 +189,7 @@ def coefficients(
         row[SHIFT_HEAT], row[SHIFT_COOL] = shifts(s, i, stress, p, e, cells, side)
         row[LATENT] = latent * (1.0 + e[s, OF_REST] * side[s, RESTED])
         row[LATENT] *= 1.0 + e[s, UNEVEN] * (1.0 - cells[s, i, FRACTION])
+        row[LATENT] *= 1.0 - min(e[s, LATE_LATENT], 0.9)
         row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
@@ -235,6 +242,9 @@ def remember(
         fading = approach(side[s, INNER_STRESS], tension, dt, 25.0)
         side[s, INNER_STRESS] = max(tension, fading)
     side[s, TAKEN_UP] = approach(side[s, TAKEN_UP], stress / p[STRESS], dt, 6.0)
+    half = 0.5 * e[s, PLAYS_OF_GRAINS]
+    load = stress / p[STRESS]
+    side[s, GRAINS] = min(max(side[s, GRAINS], load - half), load + half)
     side[s, RESTED] = approach(side[s, RESTED], 1.0, dt, 15.0) * math.exp(-moved_all / 0.3)
     side[s, WORK_DONE] += moved_all
     side[s, DEFECTS] = approach(side[s, DEFECTS], 0.0, dt, 10.0) + formed
@@ -288,4 +298,5 @@ def tube(
     stay(s, p, cells, side, pair, dt)
     grow(s, p, cells, side, pair, dt)
     collect(s, p, cells, side, pair, dt)
+    hold_back(s, p, e, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)
