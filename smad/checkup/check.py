@@ -19,7 +19,7 @@ from smad.checkup.files import (
     require_one_bench,
     require_other_recordings,
 )
-from smad.checkup.investigation import REPORT, judged_runs, read_report
+from smad.checkup.investigation import REPORT, read_report, recorded_runs
 from smad.checkup.judge import Judgement, judge_runs
 from smad.checkup.programme import Programme
 from smad.checkup.proposal import Proposal, propose
@@ -99,7 +99,7 @@ def proposed(folder: Path, plant: PlantModel, progress: Say) -> tuple[Judgement,
     newest = max(places, key=lambda place: place.stat().st_mtime)
     names = baseline.reference.names
     if (newest / REPORT).exists():
-        runs = judged_runs(newest, read_report(newest / REPORT))
+        runs = recorded_runs(newest, read_report(newest / REPORT))
     else:
         runs = [(f.run, f.name) for f in read_folder(newest)]
     runs = [(run, name) for run, name in runs if name in names]

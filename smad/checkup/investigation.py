@@ -98,12 +98,10 @@ def read_report(path: Path) -> Report:
         ) from None
 
 
-def judged_runs(folder: Path, report: Report) -> list[tuple[GapRun, str]]:
-    """The runs that were not held out, each with the name of the good run that it repeats."""
-    return _recorded(folder, report, held_out=False)
-
-
-def _recorded(folder: Path, report: Report, *, held_out: bool) -> list[tuple[GapRun, str]]:
+def recorded_runs(
+    folder: Path, report: Report, *, held_out: bool = False
+) -> list[tuple[GapRun, str]]:
+    """The runs that are judged, or `held_out`, each with the name of the good run it repeats."""
     records = [r for r in report.records if r.held_out == held_out]
     return [(read_file(folder / r.file).run, r.run) for r in records]
 
@@ -229,7 +227,7 @@ class Investigation:
         self, report: Report, quick: Sequence[ProgrammeRun], progress: Say
     ) -> tuple[Judgement, Proposal]:
         """The verdict so far, and what to play next if each rest is as long as the longest."""
-        runs = judged_runs(self.folder, report)
+        runs = recorded_runs(self.folder, report)
         judgement = judge_runs(self.plant, self.reference, runs, progress=progress)
         costs = self._costs_s(report)
         # Without a cause there is nothing to prove yet.
@@ -256,7 +254,7 @@ class Investigation:
             report = self._played(report, run, "for proof", held_out=True)
             if report.records[-1].trip:
                 break
-        runs = _recorded(self.folder, report, held_out=True)
+        runs = recorded_runs(self.folder, report, held_out=True)
         if not runs:
             return report
         pairs = pair_runs(with_places(self.plant), self.reference, runs)

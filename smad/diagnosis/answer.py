@@ -340,7 +340,7 @@ def uncertainty_of(precision: Precision, fitted: Fit) -> Uncertainty:
         if isinstance(part, EffectPart):
             names += [f"{part.name}.{q.name}" for q in part.effect.parameters]
             scale += [q.scale for q in part.effect.parameters]
-        elif isinstance(part, LawPart):
+        else:
             of_terms, scales = part.responses.coefficients(part.columns)
             names += of_terms
             scale += scales.tolist()

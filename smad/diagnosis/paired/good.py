@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from smad.arrays import Index
 from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.data.noise import resolution, row_noise
 from smad.diagnosis.data.played import Played, predictions, slopes
@@ -19,6 +18,7 @@ from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import (
     Array,
     Effect,
+    Index,
     Mask,
     ModelPoint,
     PlantModel,

@@ -73,11 +73,6 @@ class PlacesPlant(PlantModel, Forceable, Protocol):
     """A plant whose model can be forced."""
 
 
-def single_sides(place: Place, side: str) -> tuple[str, ...]:
-    """The sides that can be forced: `side` itself, or every side of the place for "both"."""
-    return (side,) if side in place.sides else place.sides
-
-
 def place_named(plant: Forceable, name: str) -> Place:
     """The place of that name. Raises StopIteration where the plant has none."""
     return next(p for p in plant.places if p.name == name)
@@ -86,8 +81,10 @@ def place_named(plant: Forceable, name: str) -> Place:
 def states_seen(
     plant: Forceable, place: str, side: str, states: Mapping[str, Array]
 ) -> dict[str, Array]:
-    """States of a trajectory, (n,) each, as the place sees them on the first side of `side`."""
-    return plant.seen(place, single_sides(place_named(plant, place), side)[0], states)
+    """States of a trajectory, (n,) each, as the place sees them on `side`, or on its first side if
+    that is "both"."""
+    sides = place_named(plant, place).sides
+    return plant.seen(place, side if side in sides else sides[0], states)
 
 
 def law_values(plant: Forceable, law: Law, states: Mapping[str, Array], t_s: Array) -> Array:

@@ -17,14 +17,7 @@ from sim_device.plant.errors import PlantError
 from smad.diagnosis.data.played import Played, finite
 from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.places.bare import BarePlaces
-from smad.diagnosis.places.place import (
-    BOTH,
-    Forcing,
-    Place,
-    PlacesPlant,
-    law_values,
-    single_sides,
-)
+from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, law_values
 from smad.diagnosis.plant import Array, Index, ModelPoint, Singles, traits_of
 from smad.progress import Say, silent
 
@@ -133,13 +126,12 @@ def candidate_laws(
 def _support(
     plant: PlacesPlant, place: Place, side: str, states: Sequence[Mapping[str, Array]]
 ) -> dict[str, tuple[float, float]]:
-    """Lowest and highest value of each state of a place over some trajectories."""
+    """Lowest and highest value of each state over some trajectories, as one side sees it."""
     out: dict[str, tuple[float, float]] = {}
     for trajectory in states:
-        for one_side in single_sides(place, side):
-            for name, values in plant.seen(place.name, one_side, trajectory).items():
-                low, high = out.get(name, (np.inf, -np.inf))
-                out[name] = min(low, float(values.min())), max(high, float(values.max()))
+        for name, values in plant.seen(place.name, side, trajectory).items():
+            low, high = out.get(name, (np.inf, -np.inf))
+            out[name] = min(low, float(values.min())), max(high, float(values.max()))
     return out
 
 

@@ -111,6 +111,11 @@ class Evidence:
         """Valid rows of each trial and channel, (trials, channels)."""
         return np.asarray([t.rows.valid.sum(axis=0) for t in self.trials], dtype=np.float64)
 
+    @property
+    def independent_rows(self) -> float:
+        """Independent rows of a run and channel, on average over those with a reading."""
+        return float((self.counts / CORRELATED)[self.counts > 0].mean())
+
     @cached_property
     def floors(self) -> Array:
         """Root mean square of the floors of valid rows, in channel units, (channels,)."""

@@ -22,7 +22,7 @@ from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.convergence import fit_to_end
-from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, form_sd_of, without_drifts
+from smad.diagnosis.rivals.evidence import Evidence, form_sd_of, without_drifts
 from smad.diagnosis.rivals.fit import (
     Fit,
     Reference,
@@ -224,8 +224,7 @@ class Question:
     @property
     def independent_rows(self) -> float:
         """Independent rows of a judged run and channel, on average."""
-        counts = self.judged.counts
-        rows = float((counts / CORRELATED)[counts > 0].mean())
+        rows = self.judged.independent_rows
         return effective_rows(rows, self.form_share, shipped().evidence, self.good)
 
     @property
@@ -420,8 +419,7 @@ def free_model(plant: PlacesPlant, start: ModelPoint) -> Model:
 
 def with_tempered_prior(model: Model, evidence: Evidence, constants: Constants) -> Model:
     """The model with its prior weighted as the tempered score weighs it against the rows."""
-    rows = float((evidence.counts / CORRELATED)[evidence.counts > 0].mean())
-    return replace(model, prior_weight=max(rows / constants.evidence, 1.0))
+    return replace(model, prior_weight=max(evidence.independent_rows / constants.evidence, 1.0))
 
 
 def day_variance(plant: PlantModel) -> Array:
