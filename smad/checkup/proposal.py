@@ -155,7 +155,6 @@ def _offer(judgement: Judgement, run: str, played: Played, rows: RunRows, slopes
     (base,) = predictions(plant, point, [played])
     moves = []
     for rival in judgement.alternatives:
-        assert rival.fit is not None
-        (moved,) = predictions(plant, rival.fit.point, [played])
+        (moved,) = predictions(plant, rival.fitted.point, [played])
         moves.append(tie(rows.shrink(rows.independent((moved - base)[None])))[0])
     return Offer(run, separation(moves) / variance)

@@ -85,15 +85,14 @@ class Answer:
 def answer_of(search: Search, *, question: str, gaps_of: str = MEASURED) -> Answer:
     """The answer of a search to `question` (DIFFERS …); `gaps_of` is MEASURED or PAIRED."""
     asked, fitted = search.question, search.final.fit
-    base = fitted or search.parameters.fit
-    assert base is not None
     tied = asked.tied is not None and not search.moved
-    precision = Precision.at_fit(asked.evidence, base, tied=tied)
-    entered = _entered(search)
+    precision = Precision.at_fit(asked.evidence, fitted or search.parameters.fitted, tied=tied)
+    entered = search.entered_parts()
+    steps = [search.steps[k] for k, _ in entered]
     with_causes = [*(rival for _, rival in entered[:-1]), search.final] if entered else []
     causes = [
-        _cause(asked, precision, k, step, search.final, gap=asked.gap(with_causes[k]))
-        for k, (step, _) in enumerate(entered)
+        _cause(asked, precision, k, step, search.final, gap=asked.gap(rival))
+        for k, (step, rival) in enumerate(zip(steps, with_causes, strict=True))
     ]
     stages = (search.configured, search.parameters, *with_causes)
     *gaps, whole = signal_gaps(asked, stages)
@@ -122,7 +121,7 @@ def answer_of(search: Search, *, question: str, gaps_of: str = MEASURED) -> Answ
         stages=stages,
         model=asked.point_of(search.final),
         uncertainty=uncertainty,
-        alternatives=_alternatives(entered[0][0]) if entered else (),
+        alternatives=_alternatives(steps[0]) if steps else (),
     )
 
 
@@ -157,13 +156,6 @@ def _of_withdrawn(search: Search) -> list[str]:
     """What was withdrawn, since it leaves a larger gap than parameters alone."""
     parts = ", ".join(part_words(search.question.model.plant, part) for part in search.withdrawn)
     return [f"not reported, since parameters alone leave less: {parts}"] if parts else []
-
-
-def _entered(search: Search) -> list[tuple[Step, Rival]]:
-    """The steps by which parts entered, each with its rival; empty if all were withdrawn."""
-    if not search.parts:
-        return []
-    return [(s, r) for s in search.steps if (r := s.entered) is not None and r.has_part]
 
 
 def signal_gaps(question: Question, stages: Sequence[Rival]) -> list[SignalGap]:
@@ -253,13 +245,13 @@ def _table(
 
 def _values(rival: Rival, precision: Precision | None) -> list[EffectValue]:
     """The values of the effect that a rival adds; `precision` gives their standard deviations."""
-    if rival.kind != EFFECT or rival.fit is None:
+    if rival.kind != EFFECT:
         return []
-    part, block = rival.fit.model.parts[-1], rival.fit.model.slices[-1]
-    if not isinstance(part, EffectPart):
-        return []
-    sd = None if precision is None else _standard_deviations(precision.covariance(rival.fit))[block]
-    return effect_values(part, rival.fit.x[block], sd)
+    fitted, part = rival.fitted, rival.parts[-1]
+    assert isinstance(part, EffectPart)
+    block = fitted.model.slices[-1]
+    sd = None if precision is None else _standard_deviations(precision.covariance(fitted))[block]
+    return effect_values(part, fitted.x[block], sd)
 
 
 def _standard_deviations(matrix: Array) -> Array:
@@ -271,8 +263,7 @@ def _cause(
     question: Question, precision: Precision, index: int, step: Step, final: Rival, *, gap: float
 ) -> Cause:
     """The cause of step `index` as it is in the final model; `gap` is the gap with it."""
-    plant, fitted, level = question.model.plant, final.fit, shipped().credible_level
-    assert fitted is not None
+    plant, fitted, level = question.model.plant, final.fitted, shipped().credible_level
     part, block = fitted.model.parts[index], fitted.model.slices[index]
     x, sd = fitted.x[block], _standard_deviations(precision.covariance(fitted))[block]
     effect = part if isinstance(part, EffectPart) else None
@@ -387,7 +378,7 @@ def _models(
     out = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.toml"
-        for fitted in (stage.fit for stage in stages[1:] if stage.fit is not None):
+        for fitted in (stage.fitted for stage in stages[1:]):
             writer.save_model(fitted.point, path, note, uncertainty_of(precision, fitted))
             out.append(path.read_text("utf-8"))
     return out

@@ -59,15 +59,14 @@ def _fitted_again(question: Question, search: Search, before: Rival) -> Rival | 
 
     None where the model fails, or where it predicts these runs worse than those it was fitted to.
     """
-    fitted = before.fit
-    assert fitted is not None
+    fitted = before.fitted
     as_fitted = question.of_point(fitted.point)
     if as_fitted is None or as_fitted.scores.sum() <= before.scores.sum():
         return None
     # Parameters that imitated the move lead to a local minimum.
     start = np.r_[search.nominal.x, fitted.x[fitted.model.parameters :]]
     reference = reference_at(question.evidence, fitted.model, start)
-    return None if reference is None else question.fitted(NOTHING, NOTHING, reference)
+    return None if reference is None else question.converged(NOTHING, NOTHING, reference)
 
 
 def _moved(run: GapRun, rows: int) -> GapRun:

@@ -31,7 +31,7 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
     d² is the squared distance of two rivals' predictions in standard deviations of a row; the
     residual of the fits counts as noise. Both lists are empty where one rival remains.
     """
-    search, fits = answer.search, [r.fit for r in answer.alternatives if r.fit is not None]
+    search, fits = answer.search, [r.fitted for r in answer.alternatives]
     if search is None or len(fits) < 2:
         return [], []
     evidence, model = search.question.evidence, search.question.model

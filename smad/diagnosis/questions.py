@@ -122,16 +122,11 @@ def changed_runs(admitted: AdmittedRuns) -> Search:
     counts = question.judged.counts.sum(axis=0)
     rms = np.sqrt(good.final.squares.sum(axis=0) / np.maximum(counts, 1.0))
     floors = admitted.floors * np.maximum(rms, 1.0)
-    uncertainty = np.diag(day_variance(plant))
-    start = question.model.start
-    if good.final.fit is not None:
-        start = good.final.fit.point
     # The good runs determine the parameters even if none of them has moved.
-    known = good.final.fit or good.parameters.fit
-    if known is not None:
-        precision = Precision.at_fit(question.evidence, known)
-        uncertainty = uncertainty + precision.covariance(known)[:n, :n]
-    tied = np.asarray(np.linalg.inv(uncertainty))
+    known = good.final.fit or good.parameters.fitted
+    covariance = Precision.at_fit(question.evidence, known).covariance(known)[:n, :n]
+    tied = np.asarray(np.linalg.inv(np.diag(day_variance(plant)) + covariance))
+    start = question.point_of(good.final)
     new = admitted.question(start, admitted.fit, admitted.held_out, floors, tied)
     # The residual of the good runs above the noise is model error, which these runs have, too.
     form = 1.0 - (admitted.floors / floors) ** 2

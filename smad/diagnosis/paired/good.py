@@ -267,8 +267,7 @@ def _good_point(
     if fitted is None:
         return question.model.start
     around = question_of(plant, fitted.point, evidence, effects=effects, say=say)
-    final_fit = run_search(around, laws=False).final.fit
-    return final_fit.point if final_fit else fitted.point
+    return around.point_of(run_search(around, laws=False).final)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -181,11 +181,9 @@ def _draw(ax, t_s: Array, curves) -> None:  # type: ignore[no-untyped-def]
 
 def laws(answer: Answer) -> list[Picture]:
     """The law of each cause that is one, over the state that it goes with most."""
-    if answer.search is None or not answer.stages:
+    if answer.search is None:
         return []
-    question, fitted = answer.search.question, answer.stages[-1].fit
-    if fitted is None:
-        return []
+    question, fitted = answer.search.question, answer.stages[-1].fitted
     plant: PlacesPlant = question.model.plant
     runs = [p.run for p in question.evidence.played]
     out = []

@@ -85,6 +85,12 @@ class Rival:
         return self.kind in (EFFECT, LAW)
 
     @property
+    def fitted(self) -> Fit:
+        """The fit of a rival other than the simulator as configured."""
+        assert self.fit is not None
+        return self.fit
+
+    @property
     def parts(self) -> tuple[Part, ...]:
         """The parts of its model, the last of which it was made for if it `has_part`."""
         return self.fit.model.parts if self.fit is not None else ()
@@ -92,7 +98,7 @@ class Rival:
     @property
     def places(self) -> tuple[str, ...]:
         """Where its last part acts; empty for a rival without a part."""
-        return self.parts[-1].places if self.has_part and self.parts else ()
+        return self.parts[-1].places if self.has_part else ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -171,7 +177,7 @@ class Question:
         rival = self._leaving(predicted, kind, name, fitted)
         return replace(rival, log_prior=fitted.model.log_prior(fitted.x))
 
-    def fitted(
+    def converged(
         self, kind: str, name: str, reference: Reference, *, near: bool = False
     ) -> Rival | None:
         """The model of a reference fitted to convergence, as a rival; see `fit_to_end`."""
@@ -188,9 +194,7 @@ class Question:
         model = with_tempered_prior(free.model, self.evidence, self.constants)
         fitted = reference and fit(self.evidence, model, free.x, reference)
         steady = fitted and self.rival(kind, name, fitted)
-        if not steady or steady.fit is None:
-            return None
-        return replace(steady, fit=replace(steady.fit, model=free.model))
+        return steady and replace(steady, fit=replace(steady.fitted, model=free.model))
 
     def of_point(self, point: ModelPoint) -> Rival | None:
         """A simulator that was not fitted, as a rival; None where it fails."""

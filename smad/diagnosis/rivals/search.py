@@ -107,10 +107,10 @@ class Search:
         if nominal is None:
             raise cannot_replay(question)
         configured = question.of_point(tied.start)
-        parameters = question.fitted(PARAMETERS, PARAMETERS, replace(nominal, model=free))
+        parameters = question.converged(PARAMETERS, PARAMETERS, replace(nominal, model=free))
         current = parameters
         if question.tied is not None:
-            current = question.fitted(NOTHING, NOTHING, nominal, near=True)
+            current = question.converged(NOTHING, NOTHING, nominal, near=True)
         if configured is None or parameters is None or current is None:
             raise cannot_replay(question)
         changes = question.changes
@@ -167,8 +167,8 @@ class Search:
 
     def _ask_beside(self) -> None:
         """Include the form error of the parts in further questions, if parameters were tied."""
-        fitted = self.final.fit
-        if self.question.tied is not None and self.parts and fitted is not None:
+        if self.question.tied is not None and self.parts:
+            fitted = self.final.fitted
             self.question = self.question.with_form_of(fitted)
             again = self.question.rival(self.final.kind, self.final.name, fitted)
             self.final = again or self.final
@@ -224,21 +224,21 @@ class Search:
         The gain of a part counts only against a fit without it that has converged.
         """
         fitted = rival.fit
-        if fitted is None or beside.fit is None:
+        if fitted is None:
             return rival
         # Until a part has entered, free parameters may still be far from the minimum.
         near = self.question.tied is not None or bool(self.parts)
-        starts = [(beside.fit.x[: len(fitted.x)], near)]
-        if fitted.objective < beside.fit.objective + WITHIN:
+        starts = [(beside.fitted.x[: len(fitted.x)], near)]
+        if fitted.objective < beside.fitted.objective + WITHIN:
             starts.append((fitted.x, True))
         best, least_objective = rival, fitted.objective
         for x, near in starts:
             base = reference_of(
                 self.question.evidence, replace(fitted, x=x, slopes=fitted.slopes[:0])
             )
-            refitted = base and self.question.fitted(rival.kind, rival.name, base, near=near)
-            if refitted and refitted.fit and refitted.fit.objective < least_objective:
-                best, least_objective = refitted, refitted.fit.objective
+            refitted = base and self.question.converged(rival.kind, rival.name, base, near=near)
+            if refitted and refitted.fitted.objective < least_objective:
+                best, least_objective = refitted, refitted.fitted.objective
         if rival.fit is self.parameters.fit:
             self.parameters = best
         if rival is self.free:
@@ -249,13 +249,13 @@ class Search:
 
     def _with_free_parameters(self) -> Rival | None:
         """The parts that have entered, fitted again with free parameters."""
-        fitted = self.final.fit
-        if fitted is None or not self.parts:
+        if not self.parts:
             return self.parameters
+        fitted = self.final.fitted
         if self.free is None and (base := reference_of(self.question.evidence, fitted)):
             precision = self.question.model.parameter_precision
             free = replace(fitted.model, parameter_precision=precision)
-            self.free = self.question.fitted(PARAMETERS, PARAMETERS, replace(base, model=free))
+            self.free = self.question.converged(PARAMETERS, PARAMETERS, replace(base, model=free))
         return self.free
 
     def _exchange_parts(self, current: Rival) -> Rival:
@@ -263,9 +263,9 @@ class Search:
         question = self.question
         count = len(current.parts)
         for i in range(count - 1):
-            fitted = current.fit
-            if fitted is None or question.at_floor(current):
+            if question.at_floor(current):
                 break
+            fitted = current.fitted
             part, name = fitted.model.parts[i], fitted.model.parts[i].name
             others = [k for k in range(count) if k != i]
             without = self._without(fitted, others)
@@ -284,33 +284,32 @@ class Search:
             # The part that is asked is the last one of each rival.
             incumbent = replace(current, kind=EFFECT, name=name, fit=fitted.of_parts([*others, i]))
             ranked = question.ranked([incumbent, *fits.rivals()])
-            best = ranked[0].fit
-            if best and ranked[0].name != name and question.gap(ranked[0]) < question.gap(current):
+            best = ranked[0]
+            if best.name != name and question.gap(best) < question.gap(current):
                 order = [*range(i), count - 1, *range(i, count - 1)]
-                current = replace(ranked[0], fit=best.of_parts(order))
+                current = replace(best, fit=best.fitted.of_parts(order))
                 # The rank of what it replaces is that of an effect; a law stays one in the table.
                 kind = LAW if isinstance(part, LawPart) else EFFECT
                 rivals = tuple(replace(r, kind=kind) if r.name == name else r for r in ranked)
-                self.steps[self._of_parts()[i]] = Step(rivals=rivals, entered=ranked[0])
+                k, _ = self.entered_parts()[i]
+                self.steps[k] = Step(rivals=rivals, entered=best)
         return current
 
-    def _of_parts(self) -> list[int]:
-        """Numbers of the steps by which parts entered."""
-        return [k for k, s in enumerate(self.steps) if s.entered and s.entered.has_part]
+    def entered_parts(self) -> list[tuple[int, Rival]]:
+        """The number of each step by which a part entered, and the rival that brought it."""
+        entered = ((k, step.entered) for k, step in enumerate(self.steps))
+        return [(k, rival) for k, rival in entered if rival is not None and rival.has_part]
 
     def nest(self) -> None:
         """Fit the parts of each step but the last again, where an exchange has changed them: every
         step then enters the first parts of the final model."""
-        e, fitted = self.question.evidence, self.final.fit
         names = [part.name for part in self.parts]
-        for count, k in enumerate(self._of_parts()[:-1], start=1):
-            entered = self.steps[k].entered
-            assert fitted is not None
-            assert entered is not None
-            if entered.fit and [p.name for p in entered.parts] == names[:count]:
+        for count, (k, entered) in enumerate(self.entered_parts()[:-1], start=1):
+            if [p.name for p in entered.parts] == names[:count]:
                 continue
-            base = reference_of(e, fitted.of_parts(range(count)))
-            refitted = base and self.question.fitted(entered.kind, entered.name, base, near=True)
+            first_parts = self.final.fitted.of_parts(range(count))
+            base = reference_of(self.question.evidence, first_parts)
+            refitted = base and self.question.converged(entered.kind, entered.name, base, near=True)
             self.steps[k] = replace(self.steps[k], entered=refitted or entered)
 
     def compare_with_parameters(self) -> None:
@@ -333,7 +332,7 @@ class Search:
                 return
         self.final, self.withdrawn = alone, self.parts
         # Later rivals were fitted beside the parts that are withdrawn.
-        first = self._of_parts()[0]
+        first, _ = self.entered_parts()[0]
         self.steps[first:] = [replace(self.steps[first], entered=None)]
 
     def _without(self, fitted: Fit, order: Sequence[int]) -> Fit | None:
@@ -352,9 +351,8 @@ class Search:
     def _rivals(self, current: Rival) -> list[Rival]:
         """Effects and laws beside the parts of a rival, each fitted and scored."""
         question, e = self.question, self.question.evidence
-        fitted = current.fit
         # Many fits begin with these slopes.
-        base = None if fitted is None else reference_at(e, fitted.model, fitted.x)
+        base = reference_at(e, current.fitted.model, current.fitted.x)
         if base is None:
             return []
         without = question.gap(current)
@@ -385,7 +383,7 @@ class Search:
                 laws.begin(base, law, np.r_[base.x, start])
         return rivals + laws.rivals()
 
-    def _starts_of_last_step(self, base: Reference) -> Iterator[tuple[EffectPart, Array]]:
+    def _starts_of_last_step(self, base: Reference) -> Iterator[tuple[Part, Array]]:
         """Effects of the last step with the coordinates of their fits there, if F falls by that.
 
         Parameters that have moved beside a part to imitate a second effect hide that effect; those
@@ -397,12 +395,11 @@ class Search:
         present = {part.name for part in model.parts}
         without = objective_at(e, model, base.x)
         for rival in self.steps[-1].rivals:
-            if rival.kind != EFFECT or rival.fit is None or rival.name in present:
+            if rival.kind != EFFECT or rival.name in present:
                 continue
-            part, block = rival.fit.model.parts[-1], rival.fit.model.slices[-1]
-            x = np.r_[rival.fit.x[:p], base.x[p:], rival.fit.x[block]]
-            beside = model.with_parts([*model.parts, part])
-            if isinstance(part, EffectPart) and objective_at(e, beside, x) < without:
+            fitted, part = rival.fitted, rival.parts[-1]
+            x = np.r_[fitted.x[:p], base.x[p:], fitted.x[fitted.model.slices[-1]]]
+            if objective_at(e, model.with_parts([*model.parts, part]), x) < without:
                 yield part, x
 
 

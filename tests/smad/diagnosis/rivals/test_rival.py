@@ -42,7 +42,7 @@ def test_what_wanders_is_judged_alike_in_stretches_and_in_whole_runs(
     asked = question_of(PLANT, start, evidence, effects=(), say=lambda text: None)
     base = reference_at(evidence, asked.model, np.zeros(asked.model.parameters))
     assert base is not None
-    fitted = asked.fitted("parameters", "parameters", base)
+    fitted = asked.converged("parameters", "parameters", base)
     assert fitted is not None
     assert asked.at_floor(fitted)
     ambient = [c.name for c in PLANT.channels].index("rtd_ambient_degC")

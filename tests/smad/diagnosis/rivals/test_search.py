@@ -235,7 +235,7 @@ def test_where_parts_are_withdrawn_the_last_table_is_that_of_rivals_beside_no_pa
             Step(rivals=(lag, alone), entered=lag),
             Step(rivals=(leaving(NOTHING, 8.0),), entered=leaving(EFFECT, 8.0)),
         ],
-        _of_parts=lambda: [1, 2],
+        entered_parts=lambda: [(1, lag), (2, lag)],
     )
     Search.compare_with_parameters(cast(Any, search))
     assert search.final is alone
