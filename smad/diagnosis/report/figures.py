@@ -14,8 +14,8 @@ from smad.diagnosis.places.place import BOTH, PlacesPlant, law_series, states_se
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.rivals.evidence import with_drifts
 from smad.diagnosis.rivals.fit import replayed
+from smad.diagnosis.rivals.left_out import stitched
 from smad.diagnosis.rivals.parts import LawPart
-from smad.diagnosis.rivals.rival import stitched
 from smad.diagnosis.rivals.search import Search
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import PAIRED, Cause, labelled

@@ -1,7 +1,7 @@
 """A rival (a fitted hypothesis), and the question that it answers.
 
 A rival is judged by its residual on rows that it was not fitted to: runs held out, replayed as
-recorded, or each fold in turn, replayed as in the fit.
+recorded, or each fold in turn (`left_out`).
 """
 
 from __future__ import annotations
@@ -15,21 +15,19 @@ import numpy as np
 
 from smad.counted import counted
 from smad.diagnosis.constants import Constants, shipped
-from smad.diagnosis.data.played import predictions
 from smad.diagnosis.errors import GapError
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.convergence import fit_to_end
-from smad.diagnosis.rivals.evidence import Evidence, form_sd_of, without_drifts
-from smad.diagnosis.rivals.fit import (
-    Fit,
-    Reference,
-    fit,
-    leave_out,
-    reference_of,
-    replayed,
+from smad.diagnosis.rivals.evidence import Evidence, form_sd_of
+from smad.diagnosis.rivals.fit import Fit, Reference, fit, reference_of, replayed
+from smad.diagnosis.rivals.left_out import (
+    Predicted,
+    left_out_predictions,
+    squares_left,
+    stitched,
 )
 from smad.diagnosis.rivals.parts import Model, Part
 from smad.diagnosis.rivals.score import (
@@ -44,23 +42,10 @@ from smad.diagnosis.rivals.score import (
 from smad.diagnosis.verdict import AT_FLOOR
 from smad.progress import Say
 
-_STEP_SHARES = (1.0, 0.5, 0.25)
-"""Shares of the step that leaves a run out, the longest first."""
-_ROUGH = 0.3
-"""Floors by which a replay may differ from its linear prediction: it is rough where springs turn.
-"""
 CHANNELS = 10
 """Channels of the spring pair, on which κ was fitted."""
 DAY = 0.05
 """Least standard deviation of a parameter from day to day, in prior standard deviations."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Predicted:
-    """A prediction of all judged runs, (bins, channels) each, and the rows (n,) judged by it."""
-
-    values: Sequence[Array]
-    rows: Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -201,15 +186,15 @@ class Question:
         predicted = replayed(self.judged, point, self.model, exact=True)
         if predicted is None:
             return None
-        return self._leaving([_of_all_rows(self.judged, predicted)], NOTHING, NOTHING, None)
+        return self._leaving([Predicted.of_all(self.judged, predicted)], NOTHING, NOTHING, None)
 
     def _leaving(
         self, predicted: Sequence[Predicted], kind: str, name: str, fitted: Fit | None
     ) -> Rival:
         """A rival with the residual of its prediction of the judged runs, less the drifts."""
-        squares = _squares(self.judged, predicted)
-        in_wider_floors = _squares(self.scored_evidence, predicted) if self.form_sd else squares
-        scores = log_scores(in_wider_floors, self.judged.counts, self.judged.least_square)
+        squares = squares_left(self.judged, predicted)
+        wider = squares_left(self.scored_evidence, predicted) if self.form_sd else squares
+        scores = log_scores(wider, self.judged.counts, self.judged.least_square)
         return Rival(kind=kind, name=name, fit=fitted, squares=squares, scores=scores)
 
     def point_of(self, rival: Rival) -> ModelPoint:
@@ -308,73 +293,11 @@ class Question:
         return float(0.5 * self.constants.evidence * rival.scores.sum() + rival.log_prior)
 
     def predicted(self, fitted: Fit) -> list[Predicted] | None:
-        """Out-of-sample predictions of the judged runs by a fit; None where the model fails.
-
-        Without runs held out each fold is predicted by coordinates fitted to the others, replayed
-        as in the fit. A fold of stretches has a prediction of the whole runs, to which the drifts
-        are fitted: they would else follow the steps between stretches.
-        """
-        if self.held_out is not None:
-            held_out = replayed(self.held_out, fitted.point, fitted.model, exact=True)
-            return None if held_out is None else [_of_all_rows(self.held_out, held_out)]
-        evidence = self.evidence
-        trials = range(len(evidence.trials))
-        whole, out = [np.zeros_like(t.target) for t in evidence.trials], []
-        for f, x in enumerate(leave_out(evidence, fitted)):
-            rows = evidence.fold == f
-            left_out = np.unique(evidence.run_of_row[rows]) if evidence.by_runs else trials
-            for k in left_out:
-                predicted = self._without(fitted, x - fitted.x, int(k))
-                if predicted is None:
-                    return None
-                whole[k] = predicted
-            out.append(Predicted(values=tuple(whole), rows=rows))
-        return [_of_all_rows(evidence, whole)] if evidence.by_runs else out
-
-    def _without(self, fitted: Fit, step: Array, k: int) -> Array | None:
-        """Prediction of run `k` at a `step` from a fit's coordinates, (bins, channels).
-
-        The step is shortened while the replay differs from its linear prediction by more than the
-        predicted change, and left out where the model fails; None where it fails even then.
-        """
-        trial, span = self.evidence.trials[k], self.evidence.spans[k]
-        exact, shift = fitted.shift is None, 0.0 if fitted.shift is None else fitted.shift[k]
-        out = None
-        for share in (*_STEP_SHARES, 0.0):
-            point = fitted.model.point(fitted.x + share * step)
-            (predicted,) = predictions(fitted.model.plant, point, [trial.played], exact=exact)
-            if not np.isfinite(predicted).all():
-                continue
-            out = predicted + shift
-            change = share * step @ fitted.slopes[:, span]
-            off = trial.rows.independent((trial.target - out)[None])[0]
-            off -= fitted.residual[span] - change
-            like = off @ off <= max(change @ change, _ROUGH**2 * len(off))
-            if like or share == _STEP_SHARES[-1]:
-                break
-        return out
-
-
-def _of_all_rows(evidence: Evidence, values: Sequence[Array]) -> Predicted:
-    return Predicted(values=values, rows=np.ones(len(evidence.run_of_row), dtype=bool))
-
-
-def stitched(evidence: Evidence, predicted: Sequence[Predicted]) -> list[Array]:
-    """The out-of-sample prediction of every row in one array (bins, channels) for each run."""
-    out = list(predicted[0].values)
-    for fold in predicted[1:]:
-        for k, span in enumerate(evidence.spans):
-            out[k] = np.where(fold.rows[span].reshape(out[k].shape), fold.values[k], out[k])
-    return out
-
-
-def _squares(evidence: Evidence, predicted: Sequence[Predicted]) -> Array:
-    """Sums of squares of the residual less the drifts, (runs, channels)."""
-    settled = (
-        np.where(p.rows, without_drifts(evidence, evidence.residual(p.values)), 0.0)
-        for p in predicted
-    )
-    return evidence.squares(sum(settled, start=np.zeros(len(evidence.run_of_row))))
+        """Out-of-sample predictions of the judged runs by a fit; None where the model fails."""
+        if self.held_out is None:
+            return left_out_predictions(self.evidence, fitted)
+        replay = replayed(self.held_out, fitted.point, fitted.model, exact=True)
+        return None if replay is None else [Predicted.of_all(self.held_out, replay)]
 
 
 def question_of(
