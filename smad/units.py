@@ -202,6 +202,40 @@ def range_in_words(low: float, high: float, unit: str = "", *, above: bool = Fal
     return f"{low:.10g} to {high:.10g}{suffix}"
 
 
+_MOST_DECIMALS, _LARGE = 5, 1e5
+"""A number that needs more decimals, or is as large, is written with an exponent."""
+
+
+def labelled(words: str, unit: str) -> str:
+    """The label of an axis or a row: `temperature sensor of spring X, °C`."""
+    return f"{words}, {in_words(unit)}".removesuffix(", ")
+
+
+def with_sd(value: float, sd: float, sign: str = "") -> str:
+    """A value and its standard deviation, both to the decimal of the deviation's first digit.
+
+    Very large or small ones share an exponent: (5.50 ± 0.02)e-04. `sign` is that of a format.
+    """
+    if not 0.0 < sd < math.inf:
+        return f"{value:{sign}.4g} ± {sd:.1g}"
+    first_digit, size = _exponent(sd), max(abs(value), sd)
+    exponent = 0 if -first_digit <= _MOST_DECIMALS and size < _LARGE else _exponent(size, 2)
+    value, sd = value / 10.0**exponent, sd / 10.0**exponent
+    decimals = max(0, exponent - first_digit)
+    text = f"{value:{sign}z.{decimals}f} ± {sd:.{decimals}f}"
+    return f"({text})e{exponent:+03d}" if exponent else text
+
+
+def _exponent(value: float, decimals: int = 0) -> int:
+    """The power of ten of a value's first digit, once it is rounded to so many more digits."""
+    return int(f"{value:.{decimals}e}".partition("e")[2])
+
+
+def with_unit(value: float, sd: float, unit: str) -> str:
+    """A value with its standard deviation and unit."""
+    return f"{with_sd(value, sd)} {in_words(unit)}".rstrip()
+
+
 _READ = {
     "degC": "°C", "deg": "°", "Ohm": "Ω", "pct": "%", "permille": "‰", "A2s": "A² s"
 }  # fmt: skip

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,7 +17,7 @@ from smad.diagnosis.constants import shipped
 from smad.diagnosis.errors import GapError, PlantMismatch
 from smad.diagnosis.runs import GapRun
 from smad.files import read_whole
-from smad.units import in_words
+from smad.units import in_words, with_sd, with_unit
 
 QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED = OUTCOMES = (
     "quiet", "parameters", "causes", "unexplained", "refused",
@@ -35,39 +34,8 @@ AT_FLOOR = 1.3
 """Floors are known to a third: a channel that leaves at most so many floors shows nothing."""
 _NAMED = 2
 """Names beside the first one that a heading lists."""
-_MOST_DECIMALS, _LARGE = 5, 1e5
 _UNEXPLAINED_FLOORS = 1.5
 """A gap above it is more than noise: floors are known to a third, and runs differ."""
-
-
-def labelled(words: str, unit: str) -> str:
-    """What an axis shows, with its unit: temperature sensor of spring X, °C."""
-    return f"{words}, {in_words(unit)}".removesuffix(", ")
-
-
-def with_sd(value: float, sd: float, sign: str = "") -> str:
-    """A value and its standard deviation, both to the decimal of the deviation's first digit.
-
-    Very large or small ones share an exponent: (5.50 ± 0.02)e-04. `sign` is that of a format.
-    """
-    if not 0.0 < sd < math.inf:
-        return f"{value:{sign}.4g} ± {sd:.1g}"
-    first_digit, size = _exponent(sd), max(abs(value), sd)
-    exponent = 0 if -first_digit <= _MOST_DECIMALS and size < _LARGE else _exponent(size, 2)
-    value, sd = value / 10.0**exponent, sd / 10.0**exponent
-    decimals = max(0, exponent - first_digit)
-    text = f"{value:{sign}z.{decimals}f} ± {sd:.{decimals}f}"
-    return f"({text})e{exponent:+03d}" if exponent else text
-
-
-def _exponent(value: float, decimals: int = 0) -> int:
-    """The power of ten of a value's first digit, once it is rounded to so many more digits."""
-    return int(f"{value:.{decimals}e}".partition("e")[2])
-
-
-def with_unit(value: float, sd: float, unit: str) -> str:
-    """A value with its standard deviation and unit."""
-    return f"{with_sd(value, sd)} {in_words(unit)}".rstrip()
 
 
 class Finding(msgspec.Struct, frozen=True):

@@ -18,11 +18,11 @@ from smad.diagnosis.rivals.left_out import stitched
 from smad.diagnosis.rivals.parts import LawPart
 from smad.diagnosis.rivals.search import Search
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.verdict import PAIRED, Cause, labelled
+from smad.diagnosis.verdict import PAIRED, Cause
 from smad.report.page import Picture
 from smad.report.plots import draw, label, new_figure, picture
 from smad.style.palette import in_print
-from smad.units import in_words
+from smad.units import in_words, labelled
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

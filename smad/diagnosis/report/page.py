@@ -16,9 +16,9 @@ from smad.diagnosis.report.words import (
     place_words,
     rival_heading,
 )
-from smad.diagnosis.verdict import CHECK_UP, DIFFERS, Cause, RivalGap, Verdict, labelled, with_unit
+from smad.diagnosis.verdict import CHECK_UP, DIFFERS, Cause, RivalGap, Verdict
 from smad.report.page import Beside, Block, Code, Page, Section, Table, Text, write_page
-from smad.units import in_words
+from smad.units import in_words, labelled, with_unit
 
 _QUESTIONS = {
     DIFFERS: "what the simulator lacks",

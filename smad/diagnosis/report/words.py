@@ -27,9 +27,8 @@ from smad.diagnosis.verdict import (
     RivalGap,
     SignalGap,
     Verdict,
-    with_unit,
 )
-from smad.units import in_words
+from smad.units import in_words, with_unit
 
 _FACTS = (
     "note", "gaps", "no reading", "repeated", "samples lost", "truncated", "channel missing",

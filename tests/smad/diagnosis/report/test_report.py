@@ -34,10 +34,9 @@ from smad.diagnosis.verdict import (
     SignalGap,
     Verdict,
     headline_of,
-    with_unit,
 )
 from smad.report.page import render
-from smad.units import unparted
+from smad.units import unparted, with_unit
 from tests.smad.diagnosis.cases import GAIN, OTHER, bank
 from tests.smad.diagnosis.heater_plant import HeaterPlant
 
