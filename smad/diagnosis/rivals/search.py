@@ -9,7 +9,7 @@ kept.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -17,19 +17,12 @@ import numpy as np
 
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.places.responses import Responses, responses
-from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.changes import Change, changes_at
 from smad.diagnosis.rivals.competing import POLISHED, WITHIN, CompetingFits
-from smad.diagnosis.rivals.fit import (
-    Fit,
-    Reference,
-    fit,
-    objective_at,
-    reference_at,
-    reference_of,
-)
+from smad.diagnosis.rivals.earlier import earlier_starts, halfway_starts
+from smad.diagnosis.rivals.fit import Fit, Reference, fit, reference_at, reference_of
 from smad.diagnosis.rivals.laws import selected_laws
-from smad.diagnosis.rivals.parts import EffectPart, LawPart, Part
+from smad.diagnosis.rivals.parts import LawPart, Part
 from smad.diagnosis.rivals.rival import Question, Rival, cannot_replay
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
 from smad.diagnosis.rivals.screening import Screened, best_starts, screen
@@ -364,8 +357,9 @@ class Search:
         for reference in references:
             for effect, start in best_starts(e, reference, self._screen(reference)):
                 fits.begin(reference, effect, start)
+        of_last_step = self.steps[-1].rivals if self.steps else ()
         for part, start in chain(
-            _halfway_starts(self.imitated_effects, base), self._starts_of_last_step(base)
+            halfway_starts(self.imitated_effects, base), earlier_starts(e, of_last_step, base)
         ):
             fits.begin(base, part, start)
         rivals = fits.rivals()
@@ -382,41 +376,6 @@ class Search:
             if law.name not in present:
                 laws.begin(base, law, np.r_[base.x, start])
         return rivals + laws.rivals()
-
-    def _starts_of_last_step(self, base: Reference) -> Iterator[tuple[Part, Array]]:
-        """Effects of the last step with the coordinates of their fits there, if F falls by that.
-
-        Parameters that have moved beside a part to imitate a second effect hide that effect; those
-        that were fitted beside it do not.
-        """
-        if not self.steps:
-            return
-        e, model, p = self.question.evidence, base.model, base.model.parameters
-        present = {part.name for part in model.parts}
-        without = objective_at(e, model, base.x)
-        for rival in self.steps[-1].rivals:
-            if rival.kind != EFFECT or rival.name in present:
-                continue
-            fitted, part = rival.fitted, rival.parts[-1]
-            x = np.r_[fitted.x[:p], base.x[p:], fitted.x[fitted.model.slices[-1]]]
-            if objective_at(e, model.with_parts([*model.parts, part]), x) < without:
-                yield part, x
-
-
-def _halfway_starts(
-    imitated_effects: Sequence[Rival], base: Reference
-) -> Iterator[tuple[EffectPart, Array]]:
-    """Effects that moved parameters imitate, with starts half way between the two explanations.
-
-    Those that were fitted beside other parts than those of `base` are left out.
-    """
-    k, present = len(base.x), [part.name for part in base.model.parts]
-    for rival in imitated_effects:
-        if rival.fit is not None:
-            *beside, part = rival.fit.model.parts
-            if isinstance(part, EffectPart) and [p.name for p in beside] == present:
-                x = rival.fit.x
-                yield part, np.r_[0.5 * (base.x + x[:k]), part.weaker(x[k:], 0.5)]
 
 
 def _effect_in_place_of_law(may_enter: Sequence[Rival]) -> Rival:

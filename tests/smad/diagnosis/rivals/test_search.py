@@ -11,13 +11,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from smad.diagnosis.rivals import search as searching
+from smad.diagnosis.rivals import earlier
 from smad.diagnosis.rivals.competing import CompetingFits
 from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import EffectPart, Model
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
-from smad.diagnosis.rivals.search import Search, Step, _halfway_starts
+from smad.diagnosis.rivals.search import Search, Step
 from smad.diagnosis.spring_pair import SmaPlant
 
 
@@ -290,7 +290,7 @@ def test_an_imitated_effect_begins_halfway_unless_it_was_fitted_beside_other_par
         imitated_effects(gain, lag, x=[3.0, 2.0, *[1.0] * gain.size, *[8.0] * size]),
         SimpleNamespace(fit=None),
     ]
-    ((part, start),) = _halfway_starts(cast(Any, rivals), cast(Any, base))
+    ((part, start),) = earlier.halfway_starts(cast(Any, rivals), cast(Any, base))
     assert part is lag
     assert start[:2].tolist() == [2.0, 3.0]
     assert start[2:].tolist() == lag.weaker(np.full(size, 8.0), 0.5).tolist()
@@ -317,14 +317,12 @@ def test_beside_a_cause_an_effect_begins_as_it_was_fitted_without_it_where_it_le
     entered, other = fitted(lag, [4.0, 5.0], 0.6), fitted(gain, [0.1, 0.2], 0.06)
     assert entered.fit is not None
     base = SimpleNamespace(model=entered.fit.model, x=entered.fit.x)
-    search = SimpleNamespace(
-        steps=[SimpleNamespace(rivals=(entered, other, leaving(NOTHING, 30.0)))],
-        question=SimpleNamespace(evidence=None),
-    )
+    rivals = (entered, other, leaving(NOTHING, 30.0))
 
     def objective_at(_: object, model: Model, x: np.ndarray) -> float:
         return leaves if [part.name for part in model.parts] == [lag.name, gain.name] else 1200.0
 
-    monkeypatch.setattr(searching, "objective_at", objective_at)
-    begun = [x.tolist() for _, x in Search._starts_of_last_step(cast(Any, search), cast(Any, base))]
+    monkeypatch.setattr(earlier, "objective_at", objective_at)
+    starts = earlier.earlier_starts(cast(Any, None), rivals, cast(Any, base))
+    begun = [x.tolist() for _, x in starts]
     assert begun == [[0.1, 0.2, *[0.6] * lag.size, *[0.06] * gain.size]] * begins
