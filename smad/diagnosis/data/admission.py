@@ -59,25 +59,27 @@ class RunSet:
 
 
 def admit(
-    runs: Sequence[GapRun],
-    plant: PlantModel,
-    period_s: float,
-    contract_run: list[GapRun] | None = None,
-    progress: Say = silent,
+    runs: Sequence[GapRun], plant: PlantModel, period_s: float, progress: Say = silent
 ) -> RunSet:
     """Check every run. A bad channel is removed from its run; a bad run is refused.
 
-    The plant's contract is checked with the first run that can be replayed, which `contract_run`
-    keeps for further calls. Raises PlantMismatch for a plant that breaks it.
+    The plant's contract is checked with the first run that can be replayed. Raises PlantMismatch
+    for a plant that breaks it.
     """
-    contract_run = [] if contract_run is None else contract_run
-    admitted, findings = [], []
-    for run in runs:
-        progress(f"admission: {run.name}")
-        checked, of_run = _admit_one(run, plant, period_s, contract_run)
+    admitted, findings = list[GapRun](), list[Finding]()
+    contract_checked = False
+    for given in runs:
+        progress(f"admission: {given.name}")
+        of_run: list[Finding] = []
+        run = _usable(given, plant, period_s, of_run)
+        if not _refused(of_run):
+            if not contract_checked:
+                require_contract(plant, run)
+                contract_checked = True
+            run = _compared(run, given, plant, period_s, of_run)
+        if not _refused(of_run):
+            admitted.append(run)
         findings += of_run
-        if not any(f.refuses for f in of_run):
-            admitted.append(checked)
     return RunSet(tuple(runs), tuple(admitted), tuple(findings))
 
 
@@ -118,14 +120,16 @@ def admit_groups(
     order = [sorted(group, key=lambda r: (r.digest, r.name)) for group in groups.values()]
     named = dict(zip(groups, distinctly_named(order), strict=True))
     once, repeats = without_repeats(named)
-    contract_run: list[GapRun] = []
-    sets = {role: admit(once[role], plant, period_s, contract_run, progress) for role in named}
+    every = admit([run for group in once.values() for run in group], plant, period_s, progress)
+    sets = {}
+    for role, group in named.items():
+        names = {run.name for run in group}
+        admitted = tuple(run for run in every.admitted if run.name in names)
+        findings = (*(f for f in every.findings if f.run in names), *repeats[role])
+        sets[role] = RunSet(tuple(group), admitted, findings)
     having = [{c for r in a.admitted for c in r.outputs} for a in sets.values() if a.admitted]
     common = set.intersection(*having) if having else set()
-    return {
-        role: _only(RunSet(tuple(named[role]), a.admitted, (*a.findings, *repeats[role])), common)
-        for role, a in sets.items()
-    }
+    return {role: _only(a, common) for role, a in sets.items()}
 
 
 def _only(group: RunSet, channels: set[str]) -> RunSet:
@@ -143,51 +147,61 @@ def _only(group: RunSet, channels: set[str]) -> RunSet:
     return RunSet(group.given, tuple(admitted), tuple(findings))
 
 
-def _admit_one(
-    run: GapRun, plant: PlantModel, period_s: float, contract_run: list[GapRun]
-) -> tuple[GapRun, list[Finding]]:
-    findings: list[Finding] = []
+def _refused(findings: Sequence[Finding]) -> bool:
+    return any(f.refuses for f in findings)
+
+
+def _noting(run: GapRun, findings: list[Finding]) -> Note:
+    """What adds findings about a run to a list."""
 
     def say(kind: str, text: str, *, refuses: bool = False) -> None:
         findings.append(Finding(run.name, kind, text, refuses))
 
-    if run.cut_short:
-        say("truncated", f"the log is cut short; {run.duration_s:.1f} s were read up to the cut")
-    for note in run.notes:
+    return say
+
+
+def _usable(given: GapRun, plant: PlantModel, period_s: float, findings: list[Finding]) -> GapRun:
+    """The run up to its first hole, with what can be used of its columns; no model is asked."""
+    say = _noting(given, findings)
+    if given.cut_short:
+        say("truncated", f"the log is cut short; {given.duration_s:.1f} s were read up to the cut")
+    for note in given.notes:
         say("note", note)
-    lacking = [s.name for s in plant.inputs if s.name not in run.inputs]
+    lacking = [s.name for s in plant.inputs if s.name not in given.inputs]
     if lacking:
         text = f"inputs are missing: {', '.join(lacking)}; map the columns that have them"
         say("input missing", text, refuses=True)
-    if len(run.t_s) and not (np.diff(run.t_s) > 0).all():
+    if len(given.t_s) and not (np.diff(given.t_s) > 0).all():
         say("time runs back", "the time axis is not increasing", refuses=True)
-    given = run
-    run = readable(run, plant.inputs, plant.channels, say, traits_of(plant).longest_step_s)
-    if any(f.refuses for f in findings):
-        return run, findings
+    run = readable(given, plant.inputs, plant.channels, say, traits_of(plant).longest_step_s)
+    if _refused(findings):
+        return run
     cut = up_to_first_hole(run, period_s, say)
     run = filled(with_lost(cut))
     _require_length(run, given, plant, period_s, say)
-    if not any(f.refuses for f in findings):
+    if not _refused(findings):
         _require_channel(run, given, plant, say)
-    if not any(f.refuses for f in findings):
+    if not _refused(findings):
         _require_rows(run, cut, plant, period_s, say)
-    if any(f.refuses for f in findings):
-        return run, findings
-    if not contract_run:
-        require_contract(plant, run)
-        contract_run.append(run)
+    return run
+
+
+def _compared(
+    run: GapRun, given: GapRun, plant: PlantModel, period_s: float, findings: list[Finding]
+) -> GapRun:
+    """The run with the channels and samples that the nominal model does not rule out."""
+    say = _noting(given, findings)
     predicted = checked_replay(plant, run)
     run = used(run, predicted, plant, say=say)
-    if any(f.refuses for f in findings):
-        return run, findings
+    if _refused(findings):
+        return run
     # A replay may start from the measured channels.
     if run.outputs.keys() != given.outputs.keys():
         predicted = checked_replay(plant, run)
     compare(run, predicted, plant, period_s, say=say)
     for text in doubted_columns(plant, run, predicted):
         say(COLUMN_DOUBTED, text)
-    return run, findings
+    return run
 
 
 def _require_length(
