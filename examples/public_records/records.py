@@ -156,7 +156,7 @@ def _silverbox(columns: Mapping[str, Array]) -> SplitRuns:
         valid = np.arange(SILVERBOX_PART) >= _SETTLING
         t_s = np.arange(SILVERBOX_PART) * SILVERBOX_S
         u, y = (columns[c][start : start + SILVERBOX_PART] for c in ("V1", "V2"))
-        return GapRun(name, t_s, {"input_V": u}, {"output_V": y}, valid)
+        return GapRun(name, t_s, {"input_V": u}, {"output_V": y}, valid=valid)
 
     return SplitRuns(
         [run("multisine 1", 40577), run("multisine 2", 49271)],

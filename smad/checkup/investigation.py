@@ -34,7 +34,7 @@ REST_S = 60.0
 """Assumed rest before a run, until one has been measured."""
 
 
-class Record(msgspec.Struct, frozen=True):
+class Record(msgspec.Struct, frozen=True, kw_only=True):
     """A run of an investigation: its file, what it repeats, why it was played, whether it was held
     out as proof, what it took with its rest, and why it ended early; `tripped`: by a fault, None
     where an earlier version of smad wrote the file."""
@@ -55,7 +55,7 @@ class Record(msgspec.Struct, frozen=True):
         return self.ended if self.tripped else ""
 
 
-class Report(msgspec.Struct, frozen=True):
+class Report(msgspec.Struct, frozen=True, kw_only=True):
     """`investigation.json`: the runs, why each was played, and the result.
 
     `proof` is the budget over held-out runs by the model fitted to the others; `offers` are runs
@@ -166,7 +166,7 @@ class Investigation:
 
     def carry_out(self, progress: Say) -> Report:
         """Play and judge until it is over. What was recorded is kept whatever happens."""
-        report, path = Report([]), self.folder / REPORT
+        report, path = Report(records=[]), self.folder / REPORT
         if path.exists():
             report = read_report(path)
             self.say(f"goes on with {counted(len(report.records), 'run')} of {self.folder}")
@@ -211,13 +211,13 @@ class Investigation:
         file = f"{number:02d}-{run.name}{recorded.path.suffix}"
         keep(recorded.path, self.folder / file)
         record = Record(
-            file,
-            run.name,
-            why,
-            held_out,
-            recorded.took_s or run.duration_s,
-            recorded.ended,
-            recorded.tripped,
+            file=file,
+            run=run.name,
+            why=why,
+            held_out=held_out,
+            took_s=recorded.took_s or run.duration_s,
+            ended=recorded.ended,
+            tripped=recorded.tripped,
         )
         report = msgspec.structs.replace(report, records=[*report.records, record])
         self._write(report)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -37,6 +37,7 @@ class GapRun:
     t_s: Array
     inputs: Mapping[str, Array]
     outputs: Mapping[str, Array]
+    _: KW_ONLY
     valid: Mask | None = None
     cut_short: bool = False
     notes: tuple[str, ...] = ()

@@ -64,8 +64,11 @@ class FakeWire:
         else:
             folder = baseline / "investigation-1"
             folder.mkdir()
-            records = [Record(f"{k}.mcap", "run-1", "", k == 3, 120.0) for k in range(4)]
-            report = Report(records, why_over="settled", verdict=VERDICT)
+            records = [
+                Record(file=f"{k}.mcap", run="run-1", why="", held_out=k == 3, took_s=120.0)
+                for k in range(4)
+            ]
+            report = Report(records=records, why_over="settled", verdict=VERDICT)
             (folder / "investigation.json").write_bytes(msgspec.json.encode(report))
 
     def answer(self) -> dict[str, Any]:

@@ -188,7 +188,7 @@ def run_from_columns(
     written = dict(written or {})
     for stem in ("i_applied_x_A", "i_applied_y_A"):
         written.setdefault(stem, written.get(stem.replace("applied", "cmd"), Written()))
-    return GapRun(name, t_s, inputs, outputs, None, cut_short, notes, written=written)
+    return GapRun(name, t_s, inputs, outputs, cut_short=cut_short, notes=notes, written=written)
 
 
 def _table_run(path: Path, together: Together | None, mapping: MappingFile | None) -> GapRun:
