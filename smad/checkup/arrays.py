@@ -19,8 +19,11 @@ _KINDS = {"floats": "f", "whole numbers": "iu", "yes or no": "b"}
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of an `.npz` file by name. Raises ValueError for what is no file of numbers, or
-    more than a baseline can be, and what opening and unpacking raise."""
+    """The arrays of an `.npz` file by name.
+
+    Raises ValueError for arrays of something else than numbers, and for more or larger ones than a
+    baseline has; and what opening and unpacking raise.
+    """
     arrays = {}
     bytes_left = MOST_ARRAYS_BYTES
     with zipfile.ZipFile(path) as packed:
@@ -63,8 +66,8 @@ def require(
     above: float = -np.inf,
     below: float = np.inf,
 ) -> None:
-    """Raises ValueError for an array of another shape or kind, −1 for any length, or for a number
-    that cannot be; KeyError where it lacks."""
+    """Raise ValueError for an array of another shape (−1: any length) or kind, and for a number
+    that is not finite or out of range; KeyError for an array that is absent."""
     array = arrays[name]
     fits = array.ndim == len(shape) and all(
         want in (-1, n) for n, want in zip(array.shape, shape, strict=True)

@@ -40,10 +40,10 @@ def commission(
 ) -> GoodRuns:
     """Play `repeats` more repeats than the folder has, and compute a baseline of all.
 
-    `opened` yields the player, once the folder may be extended. Repeats that were played and not
-    yet counted are not played once more. Raises BaselineError for a baseline that is there unless
-    it is to be extended `again`, for runs of another bench or programme, and where a run is ended
-    early; and what the player raises.
+    `opened` yields the player, once the folder may be extended. Finished repeats that the baseline
+    does not have yet count among those to play. Raises BaselineError if there is a baseline already
+    and it is not to be extended (`again`), for runs of another bench or programme, and where a run
+    is ended early; and what the player raises.
     """
     baseline = _to_extend(folder, plant, programme, bench=bench, again=again, say=say)
     repeats += 0 if baseline is None else baseline.reference.repeats

@@ -110,7 +110,7 @@ def proposed(folder: Path, plant: PlantModel, progress: Say) -> tuple[Judgement,
 def check_files(plant: PlantModel, good: Path, now: Path, *, say: Say, progress: Say) -> Judgement:
     """The verdict over the files of a good day and of now in two folders.
 
-    `say` tells what is left out of them, and what was paired with what.
+    `say` notes which files are left out, and which runs were paired.
     """
     progress("reading")
     then, runs = read_good(good, say), read_folder(now)
@@ -128,7 +128,7 @@ def check_files(plant: PlantModel, good: Path, now: Path, *, say: Say, progress:
 def checked_files(
     plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile], progress: Say = silent
 ) -> tuple[Judgement, Matched]:
-    """The verdict over files of a good day and of now, and what was paired with what.
+    """The verdict over files of a good day and of now, and which runs were paired.
 
     Raises PairingError when nothing is paired, when a run of now is one of the good ones, when a
     good one is given twice, and when runs of two benches are mixed.
@@ -147,7 +147,7 @@ def checked_files(
 
 
 def _say_notes(runs: Sequence[RunFile], say: Say) -> None:
-    """Say what is noted of runs; notes that differ in numbers alone, once."""
+    """Say the notes of runs; of notes that differ only in numbers the first."""
     alike: dict[str, list[str]] = {}
     for run in runs:
         for note in run.run.notes:

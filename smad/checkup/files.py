@@ -24,8 +24,8 @@ _KINDS = (".mcap", *KINDS)
 class RunFile:
     """A run of a file.
 
-    `board` is the serial number of the board that it was recorded on, empty where the file does not
-    tell. `cut` says what stopped it while it was recorded, empty where nothing did.
+    `board` is the serial number of the board that it was recorded on, empty where the file has
+    none. `cut` says what stopped the recording early, empty where nothing did.
     """
 
     path: Path
@@ -35,7 +35,7 @@ class RunFile:
 
     @property
     def name(self) -> str:
-        """That of the file, without folder and suffixes."""
+        """The name of the file, without folder and suffixes."""
         return self.path.name.split(".")[0]
 
 
@@ -60,7 +60,7 @@ def read_folder(folder: Path) -> list[RunFile]:
 
 
 def read_good(folder: Path, say: Say) -> list[RunFile]:
-    """All runs of a folder that count as good; those that a stop cut are told of and left out.
+    """All runs of a folder that count as good; those that a stop cut are left out, and named.
 
     Raises PairingError when that leaves none.
     """
@@ -79,7 +79,7 @@ def read_good(folder: Path, say: Say) -> list[RunFile]:
 
 
 def whole_runs(good: Sequence[Path], say: Say) -> tuple[Path, ...]:
-    """The good runs without those that a stop cut; `say` tells of each of these."""
+    """The good runs without those that a stop cut; `say` names each of these."""
     cuts = {path: cut for path in good if (cut := cut_by(path))}
     for path, cut in cuts.items():
         say(_left_out(path, cut))
@@ -87,12 +87,12 @@ def whole_runs(good: Sequence[Path], say: Say) -> tuple[Path, ...]:
 
 
 def _left_out(log: Path, cut: str) -> str:
-    """What is said of a run that does not count as good because of what cut it."""
+    """The note on a run that is left out of the good ones, since it was cut."""
     return f"{log} was cut ({cut}), and is left out of the good runs"
 
 
 def _files_below(folder: Path) -> Iterator[Path]:
-    """Every file, by way of links too; a link to a folder that it lies in is not gone into."""
+    """Every file below a folder; links are followed, except to a folder that they lie in."""
     for root, folders, names in os.walk(folder, followlinks=True):
         parent = Path(root)
         above = {parent.resolve(), *parent.resolve().parents}
@@ -101,10 +101,10 @@ def _files_below(folder: Path) -> Iterator[Path]:
 
 
 def read_file(path: Path, together: Together | None = None) -> RunFile:
-    """A run of a file; columns are told from their names as `smad log import` does.
+    """A run of a file; columns are recognised by their names as in `smad log import`.
 
-    Raises RunLogError, LogImportError and GapError, which name the file and what is wrong, and
-    where it is one too many of those held `together`.
+    `together` counts what is held in memory. Raises RunLogError (also where that is too much),
+    LogImportError and GapError, which name the file and what is wrong.
     """
     run, log = read_recorded(path, together)
     if not len(run.t_s):
@@ -162,7 +162,7 @@ def match(plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile]) ->
 
 
 def require_other_recordings(good: Sequence[RunFile], now: Sequence[RunFile]) -> None:
-    """Raises PairingError when a run of now is one of the good ones, or a run is there twice.
+    """Raise PairingError when a run of now is one of the good ones, or a run was given twice.
 
     A copy under another name, or written by another exporter, is the same recording.
     """
@@ -182,7 +182,7 @@ def require_other_recordings(good: Sequence[RunFile], now: Sequence[RunFile]) ->
 
 
 def require_one_bench(runs: Sequence[RunFile]) -> None:
-    """Raises PairingError when runs of several boards are mixed, as far as the files tell."""
+    """Raise PairingError for runs of several boards; files that name no board fit any."""
     boards = {f.board: f.path for f in runs if f.board}
     if len(boards) > 1:
         (board, path), (other, second) = list(boards.items())[:2]

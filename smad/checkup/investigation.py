@@ -35,9 +35,11 @@ REST_S = 60.0
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True):
-    """A run of an investigation: its file, what it repeats, why it was played, whether it was held
-    out as proof, what it took with its rest, and why it ended early; `tripped`: by a fault, None
-    where an earlier version of smad wrote the file."""
+    """A run of an investigation: its file, the good run that it repeats, why it was played, whether
+    it was held out as proof, the time that it took with the rest before it, and why it ended early.
+
+    `tripped`: a fault ended it; None in a file of an earlier version of smad.
+    """
 
     file: str
     run: str
@@ -49,7 +51,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def trip(self) -> str:
-        """What forbids to play on after it: the fault that ended it, or what may have been one."""
+        """The fault that ended it, or what may have been one: nothing is played after that."""
         if self.tripped is None and self.ended:
             return f"{self.ended}; whether that was a fault, its {REPORT} is too old to say"
         return self.ended if self.tripped else ""
@@ -58,8 +60,8 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
 class Report(msgspec.Struct, frozen=True, kw_only=True):
     """`investigation.json`: the runs, why each was played, and the result.
 
-    `proof` is the budget over held-out runs by the model fitted to the others; `offers` are runs
-    that the baseline lacks, with their modelled separation.
+    `proof` has the gap of each signal in the held-out runs, by the model fitted to the others.
+    `offers` are runs that the baseline lacks, with their modelled separation d².
     """
 
     records: list[Record]

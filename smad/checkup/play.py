@@ -29,6 +29,7 @@ _SEED_STEP = 100_003
 
 
 def _planned(run: ProgrammeRun, original: Path | None) -> tuple[Plan, RecordedInputs | None]:
+    """The plan of a run as designed, or of the log that it repeats, with the inputs of that log."""
     if original is None:
         return run.plan(), None
     repeat = read_recorded_inputs(original)
@@ -58,8 +59,8 @@ def live(client: Client, *, bench: str, say: Say, progress: Say) -> Player:
     """The bench of the running daemon, disarmed after each run.
 
     `client` is ready to arm. Each run begins from the same rest: cold, after a stroke of each
-    spring. A bench that does not come back to where the recorded run began is played all the same,
-    and `say` tells of it.
+    spring. If a bench does not come back to where the recorded run began, `say` notes it, and the
+    run is played all the same.
     """
     config = parse_config(client.config())
     board = client.status().board

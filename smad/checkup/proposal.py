@@ -23,7 +23,7 @@ from smad.diagnosis.rivals.rival import day_variance
 from smad.diagnosis.verdict import PARAMETERS, QUIET
 
 SEPARATED = 16.0
-"""Least d² that tells two rivals apart: four standard errors."""
+"""Least d² that separates two rivals: four standard errors."""
 _WATER_DEGC = 27.0
 
 

@@ -40,19 +40,18 @@ class Recorded:
 
 
 Play = Callable[[ProgrammeRun, Path | None], Recorded]
-"""Plays a run, or, where there is one, the log of the run that it repeats."""
+"""Plays a run of the programme as the log of an earlier one has it, or, with None, as designed."""
 
 Player = Callable[[int], Play]
-"""What plays the runs of a series, by the number of the series: a simulated bench takes its noise
-from it."""
+"""Gives what plays a series, by its number, from which a simulated bench draws its noise."""
 NOW = 1000
 """The first of the series after the commissioning, whose repeats count from 1."""
 
 
 class State(msgspec.Struct, frozen=True):
-    """`series.json`: which runs are played since when, and how it stands.
+    """`series.json`: the digest of the programme, since when it is played, and how far.
 
-    `done` once all have been played; `ended` says why a series was ended before.
+    `done`: it is over; `ended` says why it was ended early.
     """
 
     programme: str
@@ -96,7 +95,7 @@ def read_state(folder: Path) -> State | None:
 def play_series(
     folder: Path, programme: Programme, play: Play, originals: Path | None, say: Say
 ) -> str:
-    """Play what the folder lacks. Returns why the series was ended early; empty: it was not.
+    """Play the runs that the folder lacks. Return why the series ended early; empty: it did not.
 
     `originals` is the folder of the logs that are repeated; None: this is the first time. Raises
     BaselineError for a full disk, and whatever `play` raises; what was finished is kept then.
@@ -128,7 +127,7 @@ def play_series(
 
 
 def finished(folders: Sequence[Path], programme: Programme) -> list[Path]:
-    """Those folders that hold every run of the programme, ended early or not begun left out."""
+    """The folders that hold every run of the programme, of series that were not ended early."""
     return [
         folder
         for folder in folders
@@ -140,7 +139,7 @@ def finished(folders: Sequence[Path], programme: Programme) -> list[Path]:
 def cut_by(log: Path) -> str:
     """What cut a recorded run, "stopped by …"; empty for a run that came to its end.
 
-    Empty also for what cannot be read: what is wrong with it is told when its rows are read.
+    Empty also for a file that cannot be read: reading its rows raises the error.
     """
     with contextlib.suppress(SmadError):
         return read_run(log).cut_by if log.suffix.lower() == SUFFIX else ""

@@ -81,7 +81,7 @@ class Baseline:
 
 
 def identity(plant: PlantModel) -> str:
-    """Model, library and places in one string: what responses depend on beside the inputs."""
+    """Model, library and places in one string: all that stored responses depend on, but inputs."""
     library = sorted(
         (e.name, [(q.name, q.unit, q.typical, q.low, q.high, q.strength) for q in e.parameters])
         for e in plant.effects
@@ -92,7 +92,7 @@ def identity(plant: PlantModel) -> str:
 
 
 def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
-    """Writes the baseline whole or not at all. Raises BaselineError for a disk that is full."""
+    """Write the baseline, whole or not at all. Raises BaselineError for a full disk."""
     r = baseline.reference
     about = About(
         schema=SCHEMA,
@@ -199,8 +199,7 @@ def read_about(folder: Path) -> About:
 
 
 def _require_fitting(about: About, plant: PlantModel, arrays: Mapping[str, np.ndarray]) -> None:
-    """Raises ValueError for an array of another shape or kind than its baseline says, and for
-    numbers that cannot be; KeyError for one that lacks."""
+    """Raise ValueError for arrays that do not fit the baseline, KeyError for an absent one."""
     channels, regimes = len(plant.channels), arrays["floor.sd"].shape[-1]
     if about.degrees < 0 or regimes < 1:
         raise ValueError(f"a floor of {about.degrees} degrees and {regimes} regimes")

@@ -51,8 +51,8 @@ def diagnose(
     other runs are judged. `hold_out` are runs to judge on; without them, too, each run is judged by
     models fitted to the others.
     `candidates` are the effects that may be named. Equal runs give equal answers. Raises
-    PlantMismatch for a candidate that the plant does not have or what is no run, and GapError if
-    the model cannot replay the runs; runs that cannot be used are refused in the verdict.
+    PlantMismatch for a candidate that the plant does not have and for a run that is no GapRun, and
+    GapError if the model cannot replay the runs; unusable runs are refused in the verdict.
     """
     began = time.perf_counter()
     effects = library(plant, candidates)
@@ -112,7 +112,7 @@ def _of_changed(admitted: AdmittedRuns) -> tuple[Answer, Sequence[GapRun]]:
     search, pairs = repeating
     answer = answer_of(search, question=CHANGED, gaps_of=PAIRED)
     notes = [*answer.verdict.notes, compared(pairs), *notes_of(pairs)]
-    paired = {pair.now for pair in pairs.pairs}
+    paired = {pair.name for pair in pairs.pairs}
     names = [run.name for run in runs if run.name not in paired]
     if not names:
         return answer.with_verdict(notes=notes), ()

@@ -39,7 +39,7 @@ _UNEXPLAINED_FLOORS = 1.5
 
 
 class Finding(msgspec.Struct, frozen=True):
-    """Something about a run. `kind` is a word to tell it by; `refuses` ends the run."""
+    """A fact or a doubt about a run, of a `kind`; `refuses`: the run is not used because of it."""
 
     run: str
     kind: str
@@ -63,9 +63,9 @@ class RunRecord(msgspec.Struct, frozen=True):
 
 
 class LawTerm(msgspec.Struct, frozen=True, kw_only=True):
-    """A term of a law: what it goes with in `words`, its `slopes` by spring with their standard
-    deviations `sd`, in `unit`. `state` is the state's name; `alike` says from which others
-    these runs do not tell it."""
+    """A term of a law: the `state` that it depends on, in `words`, and its `slopes` by spring with
+    their standard deviations `sd`, in `unit`. `alike` names states that these runs do not
+    distinguish from this one."""
 
     name: str
     state: str
@@ -127,15 +127,15 @@ class RivalGap(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Cause(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing that the simulator lacks, with the rivals that it was told from.
+    """One thing that the simulator lacks, with the rivals that it was compared with.
 
     `kind` is effect or law, `name` that of the effect (empty for a law), `place` where it acts, in
     `words`. `probability` is that of the place. `names` are effects of the library with their
     probabilities if it is one of them, `outside` the probability that it is none. `credible_names`
     and `credible_places` are the fewest that together hold the level of the constants; `places` has
-    the probabilities of all, `place_words` what they are. `terms`
-    are a law's, `values` an effect's. `gap` is what the judged runs are left with by all causes up
-    to this one. `beside` are the parts, in words, that every rival of the table has.
+    the probabilities of all, `place_words` what they are. `terms` are a law's, `values` an
+    effect's. `gap` is what all causes up to this one leave of the judged runs, in floors. `beside`
+    are the parts, in words, that every rival of the table has.
     """
 
     kind: str
@@ -196,8 +196,8 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def read(self) -> list[LawTerm]:
-        """The terms with a meaning of their own: without the constant beside others, whose value
-        depends on where the middle of their states lies."""
+        """The terms without the constant beside them, whose value depends on where the middle of
+        their states lies."""
         return self.terms[:-1] if len(self.terms) > 1 else self.terms
 
     @property

@@ -23,7 +23,7 @@ EVEN = 0.1
 _SURE = 6.0
 """Three standard errors of the median step, in units of jitter over the root of their number."""
 Note = Callable[..., None]
-"""Notes a finding about the run at hand: its `kind`, `text`, and whether it `refuses` the run."""
+"""Called as say(kind, text, refuses=False): adds a finding about the run that is checked."""
 
 
 def readable(
@@ -109,9 +109,9 @@ def jitter(t_s: Array) -> float:
 
 
 def with_lost(run: GapRun) -> GapRun:
-    """The run with a sample of NaN for each that its even time lacks, so that steps are equal.
+    """The run with samples of NaN where an even time axis lacks some, so that its steps are equal.
 
-    An uneven time stays as it is: its long steps need not be lost samples.
+    An uneven axis stays as it is: its long steps need not be lost samples.
     """
     steps = np.diff(run.t_s)
     if not (steps > LOST * run.dt_s).any() or jitter(run.t_s) > EVEN:

@@ -39,7 +39,7 @@ _FAR, _NEAR, _WORST = 9.0, 4.0, 25.0
 
 @dataclass(frozen=True)
 class Misreading:
-    """Columns as they would be without a misreading, what that is in words, what to do."""
+    """A possible misreading: the columns as without it, its name, and how to mend it."""
 
     columns: Mapping[str, Array]
     words: str
@@ -76,10 +76,10 @@ def _off(
     predicted: Mapping[str, Array],
     column: Array | None = None,
 ) -> float:
-    """Squared distance of a reading from its prediction in swing and level, over the usual ones.
+    """Squared distance of a reading from its prediction in swing and level, in usual differences.
 
-    `column` replaces the reading. The channel's range and quantum may follow from the record; they
-    shrink with it.
+    `column` replaces the reading. If that swings less than the record, the least size and move that
+    count shrink alike, since a channel's range and quantum may have been taken from the record.
     """
     recorded, m = run.outputs[channel.name][run.good], predicted[channel.name][run.good]
     y = recorded if column is None else column[run.good]

@@ -1,4 +1,4 @@
-"""What would make a verdict false: a recording given twice, too few runs, runs that go further.
+"""Checks of the runs as a whole: recordings given twice, too few runs, runs beyond the good ones.
 
 A recording is recognised by its samples, not by its name: a renamed copy, or one with other
 rounding, is the same.

@@ -110,7 +110,7 @@ def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) 
 
 
 def resolution(runs: Sequence[GapRun], plant: PlantModel) -> Array:
-    """What no simulator is trusted below, by channel, in its unit, (channels,)."""
+    """The error that any simulator is allowed, by channel, in its unit, (channels,)."""
     columns = (
         [r.outputs[c.name][r.good] for r in runs if c.name in r.outputs] for c in plant.channels
     )

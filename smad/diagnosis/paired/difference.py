@@ -34,14 +34,15 @@ Known = TypeVar("Known", Responses, Changes)
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """A run of now and the good run that it repeats, `then`, of which it has the `share` recorded.
+    """A run of now, by its `name`, and the good run that it repeats, `then`.
 
-    `carried`: the inputs differed, and the model carried the difference over. The `trial` replays
-    the inputs of then (its own where carried) in the surroundings of now; its target is that
-    prediction plus the change of the bench. `around` are these surroundings by channel.
+    `share` is how much of the good run it has recorded. `carried`: the inputs differed, and the
+    model carried the difference over. The `trial` replays the inputs of then (its own where
+    carried) in the surroundings of now; its target is that prediction plus the change of the bench.
+    `around` are these surroundings by channel.
     """
 
-    now: str
+    name: str
     then: GoodRun
     trial: Trial
     share: float
@@ -125,14 +126,14 @@ def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pai
     rows = rows_of(plant, good, then, valid, moved)
     if not good.floor.degrees:
         # Without repeats nothing has shown how far the room drifts.
-        has_drifts = drift_directions(plant, good.point, again)
+        drifts = drift_directions(plant, good.point, again)
         rows = replace(
             rows,
-            day=np.concatenate([rows.day, has_drifts]),
-            day_sd=np.concatenate([rows.day_sd, np.ones(len(has_drifts))]),
+            day=np.concatenate([rows.day, drifts]),
+            day_sd=np.concatenate([rows.day_sd, np.ones(len(drifts))]),
         )
     return Pair(
-        now=run.name,
+        name=run.name,
         then=then,
         trial=Trial(played=again, target=target, rows=rows),
         share=now.share,

@@ -253,7 +253,8 @@ def _good_point(
 ) -> ModelPoint:
     """The parameters, and the effects of the library, that the means of good runs show.
 
-    What a simulator lacks distorts what it says of a change. A law would distort other changes.
+    An effect that the simulator lacks would distort the changes that it predicts. A law in its
+    place would distort others, so none is searched for.
     """
     trials = []
     for r in repeated:

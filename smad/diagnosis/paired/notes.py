@@ -6,7 +6,7 @@ from smad.diagnosis.paired.good import GoodRun
 
 def compared(paired: PairedRuns) -> str:
     """Which runs were compared with which good ones."""
-    then = {p.now: _recordings(p.then) for p in paired.pairs}
+    then = {p.name: _recordings(p.then) for p in paired.pairs}
     named = ", ".join(f"{now} with {good}" for now, good in then.items())
     return f"runs of the same inputs were compared: {named}"
 
@@ -24,14 +24,16 @@ def notes_of(paired: PairedRuns) -> list[str]:
     for p in paired.pairs:
         if p.share < 0.98:
             out.append(
-                f"{p.now} counts as far as it goes: {100 * p.share:.0f} % of it was recorded"
+                f"{p.name} counts as far as it goes: {100 * p.share:.0f} % of it was recorded"
             )
         if p.carried:
-            out.append(f"{p.now}: inputs differed from the good run's; the model carried that over")
+            out.append(
+                f"{p.name}: inputs differed from the good run's; the model carried that over"
+            )
     if lost := _lost(paired):
         out.append(f"recorded then and not now, and left out: {lost}")
     warm = [
-        f"{c} {p.around[c] - p.then.around[c]:+.1f} K in {p.now}"
+        f"{c} {p.around[c] - p.then.around[c]:+.1f} K in {p.name}"
         for p in paired.pairs
         for c in p.around
         if c in p.then.around and abs(p.around[c] - p.then.around[c]) > 1.0
@@ -53,5 +55,5 @@ def _lost(paired: PairedRuns) -> str:
         had, has = p.then.valid.sum(axis=0), p.trial.rows.valid.sum(axis=0)
         for c, then, now in zip(paired.plant.channels, p.share * had, has, strict=True):
             if now < 0.5 * then:
-                runs.setdefault(c.name, []).append(p.now)
+                runs.setdefault(c.name, []).append(p.name)
     return ", ".join(f"{channel} ({', '.join(names)})" for channel, names in runs.items())

@@ -94,7 +94,7 @@ class Course:
 
     @property
     def drifts(self) -> str:
-        """What a caption says of predictions that have what wanders."""
+        """The sentence of a caption on fitted drifts; empty without any."""
         words = " Slow drifts and offsets that were fitted in the run are in the predictions."
         return words * self.has_drifts
 

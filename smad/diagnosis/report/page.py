@@ -95,7 +95,7 @@ def _answer(v: Verdict) -> list[Block]:
 
 
 def _moved_since(cause: Cause, *, last: bool) -> str:
-    """What fits after the step of a cause led to where its table of rivals shows something else."""
+    """A sentence on what later fits have changed since the table of a cause; empty: nothing."""
     final = ["the values below"] if cause.values and cause.refitted else []
     if last and cause.rival and f"{cause.rival.gap:.3g}" != f"{cause.gap:.3g}":
         final.append(f"{cause.gap:.3g} floors")
@@ -151,7 +151,7 @@ def budget(v: Verdict) -> Table:
 
 
 def parameters(v: Verdict) -> Table:
-    """The parameters before and in the model that is told."""
+    """The parameters before the fit and in the reported model."""
     rows = [
         (
             q.words or q.name,
@@ -168,7 +168,7 @@ def parameters(v: Verdict) -> Table:
 
 
 def unseen(v: Verdict) -> Table:
-    """For each effect the strength that the runs would have shown."""
+    """For each effect the strength below which these runs would not have shown it."""
     return Table(("effect", "strength"), [tuple(text.rsplit(": ", 1)) for text in v.unseen])
 
 

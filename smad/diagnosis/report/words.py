@@ -72,9 +72,10 @@ def lines(verdict: Verdict) -> list[str]:
 
 
 def finding_lines(v: Verdict, *, doubtful: bool) -> list[str]:
-    """What is refused or doubtful, or else what was read, done and left out.
+    """Findings that refuse or doubt a run, or else those on what was read, done and left out.
 
-    What differs in runs or the column that it begins with is one line, a fact in its numbers, too.
+    Findings that differ only in the run, or in the column that their text begins with, share a
+    line; facts also if they differ in numbers.
     """
     groups: dict[tuple[str, str], list[Finding]] = {}
     for f in v.findings:
@@ -87,7 +88,7 @@ def finding_lines(v: Verdict, *, doubtful: bool) -> list[str]:
 
 
 def _line(alike: Sequence[Finding]) -> str:
-    """Findings of one kind: their runs, columns and the first's numbers."""
+    """One line for findings that are alike: their runs, their columns, the numbers of the first."""
     runs = list(dict.fromkeys(f.run for f in alike))
     begins = list(dict.fromkeys(f.text.partition(" ")[0] for f in alike))
     rest = alike[0].text.partition(" ")[2]

@@ -13,7 +13,7 @@ from smad.diagnosis.rivals.score import EFFECT, LAW, PARAMETERS
 from smad.diagnosis.verdict import EffectValue, LawTerm
 
 _ALIKE = 0.95
-"""Squared correlation above which two states cannot be told apart."""
+"""Squared correlation above which two states are not distinguished."""
 
 
 def rival_words(plant: PlacesPlant, rival: Rival) -> str:
@@ -99,7 +99,7 @@ def law_terms(
 def _alike_words(
     plant: PlacesPlant, place: str, state: str, seen: Sequence[Mapping[str, Array]]
 ) -> str:
-    """A sentence on the states that the runs do not tell from `state`; empty without any."""
+    """A sentence on states that the runs do not distinguish from `state`; empty without any."""
     names = [plant.state_words(place, n)[0] for n in (state, *alike(state, seen)) if n]
     if len(names) < 2:
         return ""

@@ -31,7 +31,7 @@ _FOLDS = 4
 _TURNS = 2
 _FORM_SHARES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0)
 """Form errors that are tried, as shares of a change."""
-_UNTOLD = 0.05
+_UNRESOLVED = 0.05
 """Share of a usual drift that readings cannot resolve: of 0.2 K the last digit of an RTD."""
 
 
@@ -154,19 +154,19 @@ class Evidence:
         return np.asarray(self.rows([(t.target - p)[None] for t, p in pairs])[0])
 
     @cached_property
-    def drift_directions(self) -> tuple[Array, ...]:
+    def drift_rows(self) -> tuple[Array, ...]:
         """Drifts of each trial at one standard deviation, as rows (k, rows of the trial)."""
         return tuple(t.rows.days for t in self.trials)
 
     @property
     def has_drifts(self) -> bool:
-        return any(len(d) for d in self.drift_directions)
+        return any(len(d) for d in self.drift_rows)
 
     def less_drifts(self, r: Array, weight: Array) -> Array:
         """Rows `r` (n,) less the drifts fitted to them with `weight` (n,) of their squares."""
         if not self.has_drifts:
             return r
-        pairs = zip(self.drift_coefficients(r, weight), self.drift_directions, strict=True)
+        pairs = zip(self.drift_coefficients(r, weight), self.drift_rows, strict=True)
         return np.asarray(r - np.concatenate([u @ D for u, D in pairs]))
 
     def drift_coefficients(self, r: Array, weight: Array) -> list[Array]:
@@ -174,7 +174,7 @@ class Evidence:
         (n,).
         """
         out = []
-        for span, D in zip(self.spans, self.drift_directions, strict=True):
+        for span, D in zip(self.spans, self.drift_rows, strict=True):
             W = D * weight[span]
             out.append(np.asarray(np.linalg.solve(W @ D.T + np.eye(len(D)), W @ r[span])))
         return out
@@ -182,7 +182,7 @@ class Evidence:
     def whitening(self, weight: Array) -> Callable[[Array], Array]:
         """A function that multiplies rows (m, n) by √`weight` and marginalises the drifts."""
         root = np.sqrt(weight)
-        pairs = zip(self.spans, self.drift_directions, strict=True)
+        pairs = zip(self.spans, self.drift_rows, strict=True)
         shrinks = [(span, shrinking(D * root[span])) for span, D in pairs if len(D)]
 
         def of(values: Array) -> Array:
@@ -300,7 +300,7 @@ def drift_directions(plant: PlacesPlant, point: ModelPoint, played: Played) -> A
     small constant of either sign is replayed exactly, too.
     """
     run, whole = played.run, played.whole
-    steady, small = np.ones(len(run.t_s)), np.full(len(whole.t_s), _UNTOLD)
+    steady, small = np.ones(len(run.t_s)), np.full(len(whole.t_s), _UNRESOLVED)
     line = (run.t_s - run.t_s[0]) / max(run.duration_s, 1e-9)
 
     def readings(of: GapRun, forcing: Forcing, *, exact: bool = False) -> Array:

@@ -154,12 +154,12 @@ class Search:
             self.imitated_effects = tuple(effects[-POLISHED:]) if entered.kind == PARAMETERS else ()
             self.final = self._exchange_parts(entered) if self.exchange else entered
             self.free = None
-            self._ask_beside()
+            self._include_form_error()
         self.steps.append(Step(rivals=tuple(ranked), entered=entered))
         return self.steps[-1]
 
-    def _ask_beside(self) -> None:
-        """Include the form error of the parts in further questions, if parameters were tied."""
+    def _include_form_error(self) -> None:
+        """Include the form error of the parts in the question, if parameters were tied."""
         if self.question.tied is not None and self.parts:
             fitted = self.final.fitted
             self.question = self.question.with_form_of(fitted)
@@ -261,7 +261,7 @@ class Search:
             fitted = current.fitted
             part, name = fitted.model.parts[i], fitted.model.parts[i].name
             others = [k for k in range(count) if k != i]
-            without = self._without(fitted, others)
+            without = self._refitted(fitted, others)
             base = None if without is None else reference_of(question.evidence, without)
             if without is None or base is None:
                 continue
@@ -328,7 +328,7 @@ class Search:
         first, _ = self.entered_parts()[0]
         self.steps[first:] = [replace(self.steps[first], entered=None)]
 
-    def _without(self, fitted: Fit, order: Sequence[int]) -> Fit | None:
+    def _refitted(self, fitted: Fit, order: Sequence[int]) -> Fit | None:
         """The model with only the parts in `order`, fitted again."""
         e, fewer = self.question.evidence, fitted.of_parts(order)
         # Slopes that were measured with all parts must not be reused by another fit.

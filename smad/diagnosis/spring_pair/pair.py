@@ -240,7 +240,7 @@ class SmaPlant:
     def save_model(
         self, point: ModelPoint, path: Path, note: str, uncertainty: Uncertainty | None = None
     ) -> None:
-        """Writes the model file that the simulated device and the replay load.
+        """Write the model file that the simulated device and the replay load.
 
         It carries every parameter that differs from the plant's built-in set, or from set A, so
         that it stands alone, and the covariance of what it has.

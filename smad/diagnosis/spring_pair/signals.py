@@ -225,8 +225,8 @@ def read_gap_run(
 ) -> GapRun:
     """A run log or a table as it was recorded; the admission of a diagnosis looks at its values.
 
-    `mapping` says how a table is written. Raises RunLogError (of a table LogImportError) when it
-    cannot be read at all, and where it is one too many of those held `together`.
+    `mapping` says how a table is written, `together` counts what is held in memory. Raises
+    RunLogError (of a table LogImportError) when it cannot be read at all, or is too much for that.
     """
     return _read(Path(path), together, mapping)[0]
 
@@ -238,9 +238,9 @@ def read_gap_runs(
     mapping: MappingFile | None = None,
     progress: Say = silent,
 ) -> list[GapRun]:
-    """The runs of files, with names that tell those of all files `among` which they are apart.
+    """The runs of files, each with a name that only one of the files in `among` has.
 
-    `trusted` are names or paths of runs that are, `mapping` says how tables are written. Raises as
+    `trusted` are names or paths of runs to trust, `mapping` says how tables are written. Raises as
     `read_gap_run` does.
     """
     together, runs = Together(), []
@@ -255,8 +255,8 @@ def read_gap_runs(
 def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun, Run | None]:
     """A run log or a table up to its first hole, with columns that can be used, and its log.
 
-    What is no reading does not count; that and a hole are noted. Raises as `read_gap_run` does, and
-    GapError for an input or a channel that cannot be what it is declared to be.
+    Values that are no readings become NaN; these and a hole are noted. Raises as `read_gap_run`
+    does, and GapError for an input or a channel with values that it cannot have.
     """
     run, log = _read(path, together)
     used, notes, refused = _usable(run)
@@ -266,7 +266,7 @@ def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun,
 
 
 def _usable(run: GapRun) -> tuple[GapRun, list[str], list[str]]:
-    """The run up to its first hole without what is no reading; what was left out, and refused."""
+    """The run up to its first hole, notes on what was left out, and reasons to refuse the run."""
     texts: dict[bool, list[str]] = {False: [], True: []}
 
     def say(kind: str, text: str, *, refuses: bool = False) -> None:
@@ -293,7 +293,7 @@ def _read(
 
 
 def require_columns(path: Path, run: GapRun) -> None:
-    """Raises GapError for a run of a file that lacks an input, or all measured channels."""
+    """Raise GapError for a run of a file without one of the inputs, or without any channel."""
     lacking = [s.name for s in INPUTS if s.name not in run.inputs]
     if lacking or not run.outputs:
         raise GapError(

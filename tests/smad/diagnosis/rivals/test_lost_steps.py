@@ -37,7 +37,7 @@ def residual(lost: slice) -> tuple[float, float, int]:
     valid = evidence.valid > 0.0
     less_drifts = without_drifts(evidence, rows)
     rms = [float(np.sqrt(np.mean(r[valid] ** 2))) for r in (rows, less_drifts)]
-    return rms[0], rms[1], len(evidence.drift_directions[0])
+    return rms[0], rms[1], len(evidence.drift_rows[0])
 
 
 @pytest.mark.parametrize("lost", [slice(0, 1), slice(-1, 0)])
