@@ -197,8 +197,8 @@ class Investigation:
             report = self._with_model(report, judgement)
         if proposal.staying:
             offers = unpaired_offers(judgement, self.programme)
-            separations = {o.run: round(o.separation, 1) for o in offers}
-            report = msgspec.structs.replace(report, offers=separations)
+            rounded = {run: round(separation, 1) for run, separation in offers.items()}
+            report = msgspec.structs.replace(report, offers=rounded)
         # Last of all: an investigation that lost its bench during the proof is not over.
         report = msgspec.structs.replace(report, why_over=why)
         self._write(report)

@@ -6,7 +6,7 @@ sixteen rows as one, so that it may stay undecided after such a run.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,29 +28,22 @@ _WATER_DEGC = 27.0
 
 
 @dataclass(frozen=True)
-class Offer:
-    """A run and the least d² of any two of the remaining rivals."""
-
-    run: str
-    separation: float
-
-
-@dataclass(frozen=True)
 class Proposal:
     """What to do after a verdict: play `run`, or nothing more if it is None; `why` in words.
 
-    `staying` names the remaining rivals, `offers` the runs that may separate them, best first.
+    `staying` names the remaining rivals. `offers` are the runs that may separate them, with the
+    least d² of any two, the largest first.
     """
 
     run: str | None
     why: str
     staying: tuple[str, ...] = ()
-    offers: tuple[Offer, ...] = ()
+    offers: Mapping[str, float] = field(default_factory=dict)
 
     def lines(self) -> list[str]:
         """What to play and why, and what each run would separate."""
         lines = [f"{self.run} {self.why}" if self.run else self.why]
-        lines += [f"  {offer.run:<10} d² = {offer.separation:.1f}" for offer in self.offers]
+        lines += [f"  {run:<10} d² = {d2:.1f}" for run, d2 in self.offers.items()]
         if self.run is not None:
             lines.append("smad gap investigate plays it, and goes on until it is settled")
         return lines
@@ -83,26 +76,26 @@ def propose(judgement: Judgement, costs_s: Mapping[str, float], left_s: float) -
     if len(staying) < 2:
         return Proposal(None, f"settled: {verdict.causes[0].words}; no other rival is near")
     either = " or ".join(names)
-    offers = tuple(sorted(_offers(judgement), key=lambda o: -o.separation))
+    offers = _offers(judgement)
     if not offers:
         why = f"every run of the baseline was played, and {either} is left open"
         return Proposal(None, why, names)
-    most = offers[0]
-    affordable = [o for o in offers if o.separation >= SEPARATED and costs_s[o.run] <= left_s]
-    best = max(affordable, key=lambda o: o.separation / costs_s[o.run], default=None)
+    first, largest = next(iter(offers.items()))
+    affordable = [run for run, d2 in offers.items() if d2 >= SEPARATED and costs_s[run] <= left_s]
+    best = max(affordable, key=lambda run: offers[run] / costs_s[run], default=None)
     if best is not None:
-        why = f"it separates {either} best for its time, by d² = {best.separation:.0f}"
-    elif most.separation < SEPARATED:
+        why = f"it separates {either} best for its time, by d² = {offers[best]:.0f}"
+    elif largest < SEPARATED:
         why = (
-            f"no remaining run separates {either}: {most.run}, the best, does so by "
-            f"d² = {most.separation:.1f}; {SEPARATED:g} is needed"
+            f"no remaining run separates {either}: {first}, the best, does so by "
+            f"d² = {largest:.1f}; {SEPARATED:g} is needed"
         )
     else:
         why = (
-            f"the time is spent: {most.run} would separate {either} by d² = {most.separation:.0f}, "
-            f"and takes {costs_s[most.run] / 60:.1f} min of {max(left_s, 0.0) / 60:.1f} left"
+            f"the time is spent: {first} would separate {either} by d² = {largest:.0f}, "
+            f"and takes {costs_s[first] / 60:.1f} min of {max(left_s, 0.0) / 60:.1f} left"
         )
-    return Proposal(None if best is None else best.run, why, names, offers)
+    return Proposal(best, why, names, offers)
 
 
 def _not_played(paired: PairedRuns) -> list[GoodRun]:
@@ -111,40 +104,44 @@ def _not_played(paired: PairedRuns) -> list[GoodRun]:
     return [run for run in paired.good.runs if run.name not in done]
 
 
-def _offers(judgement: Judgement) -> list[Offer]:
-    """Runs of the baseline that were not played yet, with their separation."""
+def _offers(judgement: Judgement) -> dict[str, float]:
+    """Runs of the baseline that were not played yet with their d², the largest first."""
     pairs = judgement.pairs
     sd = np.sqrt(day_variance(pairs.plant))
-    out = []
+    out = {}
     for run in _not_played(pairs):
         rows = rows_of(pairs.plant, pairs.good, run, run.valid, np.zeros(run.base.shape))
         slopes = rows.shrink(rows.independent(sd[:, None, None] * run.slopes))
         # As a pair of it would be judged: its sensors are given what was measured.
         played = run.as_measured(pairs.plant)
-        out.append(_offer(judgement, run.name, played, rows, slopes))
-    return out
+        out[run.name] = _separation(judgement, played, rows, slopes)
+    return _largest_first(out)
 
 
-def unpaired_offers(judgement: Judgement, programme: Programme) -> list[Offer]:
-    """Runs of the programme that the baseline lacks, with their modelled separation, best first.
+def unpaired_offers(judgement: Judgement, programme: Programme) -> dict[str, float]:
+    """Runs of the programme that the baseline lacks with their modelled d², the largest first.
 
     Without a good recording model error does not cancel, so this is an upper bound.
     """
     good = judgement.pairs.good
     paired_names, floor = good.names, good.floor
     sd = (floor.gauge * floor.sd.max(axis=1)) * np.sqrt(2.0)
-    out = []
+    out = {}
     for run in programme.runs:
         if run.name not in paired_names:
             played = Played.of(run.as_run(_WATER_DEGC, _WATER_DEGC), judgement.pairs.plant.inputs)
             valid = np.ones((played.bins, len(sd)), dtype=bool)
             rows = RunRows.of(sd, valid, rho=floor.rho)
-            out.append(_offer(judgement, run.name, played, rows, np.zeros((0, valid.size))))
-    return sorted(out, key=lambda o: -o.separation)
+            out[run.name] = _separation(judgement, played, rows, np.zeros((0, valid.size)))
+    return _largest_first(out)
 
 
-def _offer(judgement: Judgement, run: str, played: Played, rows: RunRows, slopes: Array) -> Offer:
-    """A run with the separation of the remaining rivals in `rows`, `slopes` (k, n) marginalised.
+def _largest_first(separations: Mapping[str, float]) -> dict[str, float]:
+    return dict(sorted(separations.items(), key=lambda item: -item[1]))
+
+
+def _separation(judgement: Judgement, played: Played, rows: RunRows, slopes: Array) -> float:
+    """The least d² of the remaining rivals in the `rows` of a run, `slopes` (k, n) marginalised.
 
     The variance of a row is that of the residual with all causes, at least 1.
     """
@@ -157,4 +154,4 @@ def _offer(judgement: Judgement, run: str, played: Played, rows: RunRows, slopes
     for rival in judgement.alternatives:
         (moved,) = predictions(plant, rival.fitted.point, [played])
         moves.append(tie(rows.shrink(rows.independent((moved - base)[None])))[0])
-    return Offer(run, separation(moves) / variance)
+    return separation(moves) / variance

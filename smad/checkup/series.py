@@ -132,7 +132,7 @@ def finished(folders: Sequence[Path], programme: Programme) -> list[Path]:
         folder
         for folder in folders
         if all(_whole(folder / f"{run.name}.mcap") for run in programme.runs)
-        and not getattr(read_state(folder), "ended", "")
+        and not ((state := read_state(folder)) and state.ended)
     ]
 
 

@@ -157,9 +157,9 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         runs = tuple(_run(k, x, arrays, plant) for k, x in enumerate(about.runs))
         floor = Floor(degrees=about.degrees, **{n: arrays[f"floor.{n}"] for n in _FLOOR})
         point = ModelPoint(about.theta, about.effects)
-        singles = [arrays[f"{k}.responses"] for k in range(len(runs))]
+        stored = [arrays[f"{k}.responses"] for k in range(len(runs))]
         played = [run.as_measured(plant) for run in runs]
-        placed = responses(with_places(plant), point, played, singles=singles)
+        of_laws = responses(with_places(plant), point, played, stored=stored)
     except _BROKEN as error:
         why = getattr(error, "strerror", None) or error
         raise BaselineError(f"{folder / _ARRAYS} cannot be read: {why}", action=_ANEW) from error
@@ -168,7 +168,7 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         point=point,
         floor=floor,
         repeats=about.repeats,
-        responses=placed,
+        responses=of_laws,
         changes=Changes(
             effects=tuple(plant.effects),
             runs=tuple(arrays[f"{k}.changes"] for k in range(len(runs))),

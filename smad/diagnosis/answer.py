@@ -161,7 +161,7 @@ def _of_withdrawn(search: Search) -> list[str]:
 def signal_gaps(question: Question, stages: Sequence[Rival]) -> list[SignalGap]:
     """RMS residual of each stage on the judged runs: by signal in its unit, over all in floors."""
     counts, floors = question.judged.counts.sum(axis=0), question.judged.floors
-    rms = [np.sqrt(r.squares.sum(axis=0) / np.maximum(counts, 1.0)) * floors for r in stages]
+    rms = [question.channel_gaps(r) * floors for r in stages]
     signals = [
         (c.name, c.words, c.unit, float(floors[i]), [float(x[i]) for x in rms])
         for i, c in enumerate(question.model.plant.channels)

@@ -119,9 +119,7 @@ def changed_runs(admitted: AdmittedRuns) -> Search:
     admitted.say("the good runs")
     question = admitted.question(nominal_point(plant), admitted.good, (), admitted.floors)
     good = run_search(question, most=_MOST_OF_GOOD, exchange=False)
-    counts = question.judged.counts.sum(axis=0)
-    rms = np.sqrt(good.final.squares.sum(axis=0) / np.maximum(counts, 1.0))
-    floors = admitted.floors * np.maximum(rms, 1.0)
+    floors = admitted.floors * np.maximum(question.channel_gaps(good.final), 1.0)
     # The good runs determine the parameters even if none of them has moved.
     known = good.final.fit or good.parameters.fitted
     covariance = Precision.at_fit(question.evidence, known).covariance(known)[:n, :n]

@@ -257,8 +257,8 @@ def _require_rows(run: GapRun, cut: GapRun, plant: PlantModel, period_s: float, 
     lacking = [n for n, c in {**cut.inputs, **cut.outputs}.items() if not np.isfinite(c).all()]
     of_which = f" (of {listed(lacking, _NAMED)})" if lacking else ""
     shares = {"lost": lost, f"marked bad or no readings{of_which}": marked}
-    said = [f"{share:.1%} of the samples are {how}" for how, share in shares.items()]
-    said = [text for text, share in zip(said, shares.values(), strict=True) if share > _SHOWN]
+    shown = {how: share for how, share in shares.items() if share > _SHOWN}
+    said = [f"{share:.1%} of the samples are {how}" for how, share in shown.items()]
     stepped = steps_in_gaps(run, plant.inputs).items()
     rows = int(run.duration_s / period_s)
     usable = binned(run, rows, plant, run.begins_s, period_s, partly=True).valid.any(axis=1)

@@ -140,20 +140,21 @@ def responses(
     point: ModelPoint,
     runs: Sequence[Played],
     *,
-    singles: Sequence[Singles] | None = None,
+    stored: Sequence[Singles] | None = None,
     space: tuple[Law, ...] | None = None,
     progress: Say = silent,
 ) -> Responses:
     """Responses of all places at `point`; 0 for a term with which the model fails.
 
-    `space` are the laws whose terms these are, `singles` the arrays of an earlier call for the same
-    runs, from which nothing is replayed. Raises ValueError where they do not fit.
+    `space` are the laws whose terms these are; else they are those over the states of the runs.
+    `stored` are the arrays of an earlier call for the first runs, which are not replayed again.
+    Raises ValueError where they do not fit.
     """
     laws = space or candidate_laws(plant, point, runs)
     count = sum(len(law.terms) for law in laws)
-    if singles is not None and any(len(k) != count for k in singles):
-        raise ValueError(f"responses of {len(singles[0])} terms; the laws have {count}")
-    arrays = list(singles or ())
+    arrays = list(stored or ())
+    if any(len(array) != count for array in arrays):
+        raise ValueError(f"responses of {len(arrays[0])} terms; the laws have {count}")
     for played in runs[len(arrays) :]:
         progress(f"responses of the places: {played.whole.name}")
         arrays.append(_replayed(plant, point, played.coarse, laws))

@@ -54,16 +54,16 @@ class Course:
     has_drifts: bool
 
     @classmethod
-    def of(cls, answer: Answer, search: Search) -> Course | None:
-        """The course of an answer; None where the simulator cannot run."""
+    def of(cls, answer: Answer, search: Search) -> Course:
+        """The judged run with the largest gap, of an answer and its search."""
         question, squares = search.question, search.configured.squares
         counts = np.maximum(question.judged.counts, 1.0)
         k = int(np.argmax((squares / counts).max(axis=1)))
         trial = question.judged.trials[k]
         run = question.judged.part([k])
         replay = replayed(run, question.model.start, question.model, exact=True)
-        if replay is None:
-            return None
+        # It was replayed before, to be judged as configured.
+        assert replay is not None
         fitted = search.final.fit
         predicted = None if fitted is None else question.predicted(fitted)
         paired, after = answer.verdict.gaps_of == PAIRED, None
@@ -179,11 +179,9 @@ def _draw(ax, t_s: Array, curves) -> None:  # type: ignore[no-untyped-def]
         draw(ax, t_s, values, words, colour, style=style, width=width)
 
 
-def laws(answer: Answer) -> list[Picture]:
+def laws(answer: Answer, search: Search) -> list[Picture]:
     """The law of each cause that is one, over the state that it goes with most."""
-    if answer.search is None:
-        return []
-    question, fitted = answer.search.question, answer.stages[-1].fitted
+    question, fitted = search.question, answer.stages[-1].fitted
     plant: PlacesPlant = question.model.plant
     runs = [p.run for p in question.evidence.played]
     out = []

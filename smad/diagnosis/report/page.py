@@ -40,13 +40,14 @@ def page_of(
     """The page. `arguments` are the arguments as a shell takes them, `facts` files and the like;
     `files` are those of verdict and model, if they are written."""
     v, search = answer.verdict, answer.search
-    course = None if search is None else figures.Course.of(answer, search)
     every = [r for c in v.causes for r in c.rivals] or v.rivals
     cells: list[Sequence[Block]] = [_answer(v)]
-    if course is not None:
-        cells.append([figures.largest_gap(course), *figures.laws(answer)])
+    more = None
+    if search is not None:
+        course = figures.Course.of(answer, search)
+        cells.append([figures.largest_gap(course), *figures.laws(answer, search)])
+        more = figures.more_signals(course)
     sections = [Section("", [Beside(cells)])]
-    more = course and figures.more_signals(course)
     folded: list[tuple[str, Sequence[Block]]] = [
         ("The gap by signal", [budget(v)] if v.budget else []),
         ("Each rival, signal by signal", [by_signal(v, every)] if every else []),

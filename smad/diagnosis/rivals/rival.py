@@ -210,6 +210,11 @@ class Question:
         """Root mean square of a rival's residual on the judged runs, in floors."""
         return float(np.sqrt(rival.squares.sum() / max(self.judged.counts.sum(), 1.0)))
 
+    def channel_gaps(self, rival: Rival) -> Array:
+        """The gap in each channel, in floors, (channels,); 0 where it has no reading."""
+        counts = self.judged.counts.sum(axis=0)
+        return np.asarray(np.sqrt(rival.squares.sum(axis=0) / np.maximum(counts, 1.0)))
+
     @property
     def independent_rows(self) -> float:
         """Independent rows of a judged run and channel, on average."""

@@ -426,7 +426,6 @@ def test_the_figure_is_of_the_signal_with_the_largest_gap_and_what_is_told_bring
     answer = answers[CAUSES]
     assert answer.search is not None
     course = Course.of(answer, answer.search)
-    assert course is not None
     assert course.after is not None
     in_floors = [
         np.sqrt(np.nanmean(((course.measured - y) / course.floors) ** 2, axis=0))
