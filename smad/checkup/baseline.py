@@ -84,12 +84,12 @@ def _to_extend(
             baseline = load(folder, plant)
         except BaselineError as error:
             say(f"{error.cause}; computed anew from the runs in {folder}")
-    if baseline is not None and not again:
-        raise BaselineError(
-            f"{folder} is a baseline already",
-            action="add repeats to it with --again, or give another folder",
-        )
     if baseline is not None:
+        if not again:
+            raise BaselineError(
+                f"{folder} is a baseline already",
+                action="add repeats to it with --again, or give another folder",
+            )
         require_same(folder, baseline, bench, programme)
     for place in good_series(folder):
         state = read_state(place)

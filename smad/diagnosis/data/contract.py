@@ -51,6 +51,10 @@ def checked_replay(plant: PlantModel, run: GapRun) -> dict[str, Array]:
 
 
 def _called(plant: PlantModel, member: str, run: GapRun, *arguments: Any) -> Any:
+    """What a member of the plant returns for these arguments, or `simulate` for a nominal replay.
+
+    An error of the plant's own breaks the contract.
+    """
     try:
         return getattr(plant, member)(*arguments) if arguments else nominal_replay(run, plant)
     except SmadError:

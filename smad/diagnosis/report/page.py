@@ -49,11 +49,11 @@ def page_of(
         more = figures.more_signals(course)
     sections = [Section("", [Beside(cells)])]
     folded: list[tuple[str, Sequence[Block]]] = [
-        ("The gap by signal", [budget(v)] if v.budget else []),
-        ("Each rival, signal by signal", [by_signal(v, every)] if every else []),
+        ("The gap by signal", [_budget(v)] if v.budget else []),
+        ("Each rival, signal by signal", [_by_signal(v, every)] if every else []),
         ("More signals", [more] if more else []),
-        ("Parameters", [parameters(v)] if v.parameters else []),
-        ("What these runs would not have shown", [unseen(v)] if v.unseen else []),
+        ("Parameters", [_parameters(v)] if v.parameters else []),
+        ("What these runs would not have shown", [_unseen(v)] if v.unseen else []),
         ("Runs", _runs(v)),
         ("What to do next", _next(advice(v, arguments, *files) if arguments else ())),
     ]
@@ -89,9 +89,9 @@ def _answer(v: Verdict) -> list[Block]:
         of_step = _moved_since(cause, last=cause is v.causes[-1])
         words = " ".join(filter(None, ("" if k else caption, of_step)))
         heading = rival_heading(cause)
-        out += [rivals(cause.rivals, words, heading, cause.named), _cause(cause)]
+        out += [_rivals(cause.rivals, words, heading, cause.named), _cause(cause)]
     if not v.causes and v.rivals:
-        out.append(rivals(v.rivals, caption))
+        out.append(_rivals(v.rivals, caption))
     return out + [Text(line, "note") for line in v.notes]
 
 
@@ -104,7 +104,7 @@ def _moved_since(cause: Cause, *, last: bool) -> str:
     return f"{led} {' and '.join(final)}." if final else ""
 
 
-def rivals(
+def _rivals(
     rows: Sequence[RivalGap], caption: str, heading: str = "rival", named: Sequence[str] = ()
 ) -> Table:
     """The table of rivals: what each leaves of the judged runs, its probability, and its values
@@ -129,7 +129,7 @@ def _cause(cause: Cause) -> Table:
     return Table(("cause", f"{cause.name or 'a law'} at the {cause.words}"), rows)
 
 
-def by_signal(v: Verdict, rows: Sequence[RivalGap]) -> Table:
+def _by_signal(v: Verdict, rows: Sequence[RivalGap]) -> Table:
     """What each rival leaves of each signal, in floors."""
     signals = [s for s in v.budget if any(s.signal in r.by_signal for r in rows)]
     table = [(r.words, *(f"{r.by_signal.get(s.signal, 0.0):.3g}" for s in signals)) for r in rows]
@@ -137,7 +137,7 @@ def by_signal(v: Verdict, rows: Sequence[RivalGap]) -> Table:
     return Table(header, table, numeric=frozenset(range(1, len(header))))
 
 
-def budget(v: Verdict) -> Table:
+def _budget(v: Verdict) -> Table:
     """Where the gap goes, signal by signal."""
     stages = budget_stages(v.gaps_of, [c.name or "a law" for c in v.causes])
     rows = [
@@ -151,7 +151,7 @@ def budget(v: Verdict) -> Table:
     return Table(header, rows, numeric=frozenset(range(1, len(header))))
 
 
-def parameters(v: Verdict) -> Table:
+def _parameters(v: Verdict) -> Table:
     """The parameters before the fit and in the reported model."""
     rows = [
         (
@@ -168,7 +168,7 @@ def parameters(v: Verdict) -> Table:
     return Table(header, rows, caption, frozenset((2, 3)))
 
 
-def unseen(v: Verdict) -> Table:
+def _unseen(v: Verdict) -> Table:
     """For each effect the strength below which these runs would not have shown it."""
     return Table(("effect", "strength"), [tuple(text.rsplit(": ", 1)) for text in v.unseen])
 

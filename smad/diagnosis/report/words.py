@@ -58,11 +58,11 @@ def lines(verdict: Verdict) -> list[str]:
     if steps := gap_by_cause(v):
         out += ["  floors left  with", *(f"  {gap:>11.3g}  {what}" for gap, what in steps)]
     for cause in v.causes:
-        out += cause_lines(cause)
+        out += _cause_lines(cause)
     if not v.causes:
-        out += rival_lines(v.rivals)
+        out += _rival_lines(v.rivals)
     if v.outcome in (PARAMETERS, UNEXPLAINED) or v.question == CHECK_UP:
-        out += parameter_lines(v.parameters)
+        out += _parameter_lines(v.parameters)
     out += budget_lines((*v.budget, v.whole) if v.whole else (), v.gaps_of)
     out += judged_lines(v)
     if v.unseen:
@@ -118,10 +118,10 @@ def rival_heading(cause: Cause) -> str:
     return f"rival, beside {beside}" if beside else "rival"
 
 
-def cause_lines(cause: Cause) -> list[str]:
+def _cause_lines(cause: Cause) -> list[str]:
     """One cause: its table of rivals, its values or its law, and how sure name and place are."""
     return [
-        *rival_lines(cause.rivals, rival_heading(cause), cause.named),
+        *_rival_lines(cause.rivals, rival_heading(cause), cause.named),
         *_entry("values", [v.text for v in cause.values if cause.refitted]),
         *_entry("law", cause.law_lines),
         *_entry("alike", list(dict.fromkeys(t.alike for t in cause.read if t.alike))),
@@ -148,7 +148,7 @@ def place_words(cause: Cause) -> str:
     return ", ".join(f"{cause.place_words.get(n, n)} {p:.2f}" for n, p in likely.items())
 
 
-def rival_lines(
+def _rival_lines(
     rivals: Sequence[RivalGap], heading: str = "rival", named: Sequence[str] = ()
 ) -> list[str]:
     """The table of rivals: what each leaves of the judged runs, and its probability."""
@@ -181,7 +181,7 @@ def _entry(title: str, rows: Sequence[str]) -> list[str]:
     return [f"  {'' if k else title:<6} {row}" for k, row in enumerate(rows)]
 
 
-def parameter_lines(parameters: Sequence[ParameterMoved]) -> list[str]:
+def _parameter_lines(parameters: Sequence[ParameterMoved]) -> list[str]:
     """The parameters that moved most beside their standard deviation."""
     moved = [q for q in parameters if abs(q.after - q.before) > q.sd][:_MOVED]
     return _entry(
