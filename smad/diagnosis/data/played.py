@@ -15,8 +15,9 @@ from smad.diagnosis.plant import Array, Channel, Index, ModelPoint, PlantModel, 
 from smad.diagnosis.runs import GapRun
 
 _THETA_STEP = 0.1
-_PIECES = 5
-_COARSE = 2
+"""Prior standard deviations by which a parameter moves for a slope."""
+_PIECES, _COARSE = 5, 2
+"""Pieces of a row in a quick replay, and in one for small changes."""
 _DIVERGED = 1e12
 """No reading is so large; squares and single precision would overflow."""
 

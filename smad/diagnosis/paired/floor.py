@@ -14,14 +14,18 @@ from smad.diagnosis.numerics.white import RunRows, lag_one_correlation, with_day
 from smad.diagnosis.plant import Array, Mask
 
 _LEAN_ROWS = 200.0
+"""Rows that a channel's mean over regimes counts as, beside those of each regime."""
 _ROUNDS = 6
 _MOST_RHO = 0.95
 _LEAST_SHARE = 0.25
+"""Least standard deviation of a regime as a share of its channel's."""
 _PSEUDO = 4.0
+"""Repeats that the usual spread of days counts as."""
 _PRIOR_DEGREES, _FEWEST_DEGREES = 1.0, 2
 """Prior degrees of freedom of a variance, and the fewest of repeats: with one in all, the t
 distribution has no variance."""
 _GAUGE_ROWS = 50.0
+"""White rows of variance 1 that count in a channel beside those of the repeats."""
 _MOST_GAUGE = 2.0
 """Largest factor by which repeats raise the floor, before that for few of them; larger differences
 show as a gap."""

@@ -43,6 +43,7 @@ class CompetingFits:
         self.least_objective = min(self.least_objective, fitted.objective)
 
     def rivals(self) -> list[Rival]:
+        """The fits as rivals, once the best are carried on to convergence."""
         question, near = self.question, []
         for name in sorted(self.by_name, key=lambda n: (self.by_name[n].objective, n))[:POLISHED]:
             if self.by_name[name].objective < self.least_objective + WITHIN:

@@ -169,8 +169,8 @@ class Search:
     def _compare(self, rivals: Sequence[Rival]) -> tuple[list[Rival], Rival | None]:
         """Rivals with their probabilities, the likeliest first, and which enters.
 
-        Where good runs tie the parameters, the simulator may be as it was. If nothing enters then
-        though it surely lacks something, the rivals are compared once more, given that it does.
+        Where good runs tie the parameters, the simulator may be as it was. If it surely lacks
+        something, and yet nothing enters, the rivals are compared once more, given that it does.
         """
         question, by_rows = self.question, not self.steps or bool(self.question.form_sd)
         incomplete = question.incomplete(rivals)
