@@ -178,7 +178,7 @@ class Question:
         reference = reference_of(self.evidence, free)
         model = with_tempered_prior(free.model, self.evidence, self.constants)
         fitted = reference and fit(self.evidence, model, free.x, reference)
-        steady = fitted and self.rival(kind, name, fitted)
+        steady = self.rival(kind, name, fitted) if fitted else None
         return steady and replace(steady, fit=replace(steady.fitted, model=free.model))
 
     def of_point(self, point: ModelPoint) -> Rival | None:
