@@ -20,6 +20,7 @@ from smad.checkup.series import NOW, Play, Player, keep, newest_open, write_whol
 from smad.checkup.store import load
 from smad.counted import counted
 from smad.diagnosis.answer import gaps_on
+from smad.diagnosis.errors import TooLittleRecorded
 from smad.diagnosis.paired.difference import pair_runs
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.places.bare import with_places
@@ -167,7 +168,10 @@ class Investigation:
     seconds: float
 
     def carry_out(self, progress: Say) -> Report:
-        """Play and judge until it is over. What was recorded is kept whatever happens."""
+        """Play and judge until it is over. What was recorded is kept whatever happens.
+
+        Raises BaselineError if the runs were ended before anything could be judged.
+        """
         report, path = Report(records=[]), self.folder / REPORT
         if path.exists():
             report = read_report(path)
@@ -180,7 +184,10 @@ class Investigation:
                 break
             report = self._played(report, run, "for the check-up", held_out=False)
         while True:
-            judgement, proposal = self._judged(report, quick, progress)
+            try:
+                judgement, proposal = self._judged(report, quick, progress)
+            except TooLittleRecorded as error:
+                raise self._over_without_verdict(report, error) from error
             self.say(f"verdict: {judgement.verdict.headline}")
             # A bench that only left its recording may be played on: each run begins from rest.
             tripped = next((r.trip for r in report.records if r.trip), "")
@@ -237,6 +244,18 @@ class Investigation:
         left_s = self.seconds - report.spent_s - proof_s
         return judgement, propose(judgement, costs, left_s)
 
+    def _over_without_verdict(self, report: Report, error: TooLittleRecorded) -> BaselineError:
+        """The error to raise; the report says that it is over, so that the next begins anew."""
+        ended = [f"{r.run} was ended early: {r.ended}" for r in report.records if r.ended]
+        why = "; ".join([error.cause, *ended])
+        self._write(msgspec.structs.replace(report, why_over=why))
+        return BaselineError(
+            why,
+            value=error.value,
+            limit=error.limit,
+            action=f"mend what ended them, and repeat the command; the runs are in {self.folder}",
+        )
+
     def _costs_s(self, report: Report) -> dict[str, float]:
         """Time for each run: its duration and the longest rest so far."""
         lengths = {run.name: run.duration_s for run in self.programme.runs}
@@ -259,7 +278,11 @@ class Investigation:
         runs = recorded_runs(self.folder, report, held_out=True)
         if not runs:
             return report
-        pairs = pair_runs(with_places(self.plant), self.reference, runs)
+        try:
+            pairs = pair_runs(with_places(self.plant), self.reference, runs)
+        except TooLittleRecorded as error:
+            self.say(f"no proof: {error.cause}")
+            return report
         return msgspec.structs.replace(report, proof=gaps_on(judgement, pairs.evidence()))
 
     def _with_model(self, report: Report, judgement: Judgement) -> Report:

@@ -17,3 +17,7 @@ class PlantMismatch(GapError):
 
 class PairingError(GapError):
     """Runs of a good day and of now do not have the same inputs."""
+
+
+class TooLittleRecorded(PairingError):
+    """Runs of a good day and of now have too little in common to be judged."""

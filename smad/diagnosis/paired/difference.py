@@ -6,6 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from smad.diagnosis.data.grid import LEAST_PERIODS
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.data.rows import (
     binned,
@@ -14,7 +15,7 @@ from smad.diagnosis.data.rows import (
     same_inputs,
     without_other_end,
 )
-from smad.diagnosis.errors import PairingError
+from smad.diagnosis.errors import TooLittleRecorded
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.paired.good import GoodRun, GoodRuns, day_directions
 from smad.diagnosis.places.place import PlacesPlant
@@ -25,9 +26,6 @@ from smad.diagnosis.rivals.evidence import Evidence, Trial, drift_directions
 from smad.diagnosis.rivals.rival import Question, day_variance, question_of
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say
-
-_LEAST_ROWS = 50
-"""Fewest readings of all pairs: five rows of the spring pair's ten channels."""
 
 Known = TypeVar("Known", Responses, Changes)
 
@@ -74,16 +72,17 @@ class PairedRuns:
 def pair_runs(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]]) -> PairedRuns:
     """Pairs of `runs`, each with the name of the good run that it repeats.
 
-    Raises PairingError for inputs that differ too much and when too little is left to judge.
+    Raises PairingError for inputs that differ too much, and TooLittleRecorded for pairs that have
+    fewer rows in all than a single run needs.
     """
     by_name = {r.name: r for r in good.runs}
     pairs = tuple(_pair(plant, good, run, by_name[name]) for run, name in runs)
-    count = sum(int(p.trial.rows.valid.sum()) for p in pairs)
-    if count < _LEAST_ROWS:
-        raise PairingError(
+    rows = sum(int(p.trial.rows.valid.any(axis=1).sum()) for p in pairs)
+    if rows < LEAST_PERIODS:
+        raise TooLittleRecorded(
             "too little was recorded both then and now to judge",
-            value=f"{count} readings on the grid",
-            limit=_LEAST_ROWS,
+            value=f"{rows} rows of {good.runs[0].played.period_s:g} s",
+            limit=f"{LEAST_PERIODS} or more",
             action="play the runs again to their end",
         )
     return PairedRuns(plant=plant, good=good, pairs=pairs)

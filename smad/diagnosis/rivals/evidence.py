@@ -125,17 +125,21 @@ class Evidence:
     @property
     def by_runs(self) -> bool:
         """Whether a fold is a run; of fewer than four runs it is a quarter of the stretches."""
-        return len(self.trials) >= _FOLDS
+        return sum(bool(t.rows.valid.any()) for t in self.trials) >= _FOLDS
 
     @cached_property
     def fold(self) -> Index:
         """Number of the fold with which each row is left out, (n,); −1 where not valid."""
-        fold = np.empty(len(self.run_of_row), dtype=np.intp)
-        for k, span in enumerate(self.spans):
-            size = span.stop - span.start
-            block = (np.arange(size) * _FOLDS * _TURNS) // size
-            fold[span] = k if self.by_runs else block % _FOLDS
-        fold[self.valid == 0.0] = -1
+        fold = np.full(len(self.run_of_row), -1, dtype=np.intp)
+        for k, (span, trial) in enumerate(zip(self.spans, self.trials, strict=True)):
+            valid = np.flatnonzero(trial.rows.valid)
+            # Of a run that was ended early, what was recorded is divided, not what was planned.
+            recorded = (1 + valid.max(initial=-1) // self.channels) * self.channels
+            block = k if self.by_runs else (valid * _FOLDS * _TURNS) // recorded % _FOLDS
+            fold[span.start + valid] = block
+        # Consecutive numbers, though a run may have no valid row.
+        counted = fold >= 0
+        fold[counted] = np.unique(fold[counted], return_inverse=True)[1]
         return fold
 
     def rows(self, values: Sequence[Array]) -> Array:

@@ -13,7 +13,13 @@ from sim_device.plant.laws import Factor, Law, Term
 from smad.checkup.check import proposed
 from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError
-from smad.checkup.investigation import Investigation, Report
+from smad.checkup.investigation import (
+    REPORT,
+    Investigation,
+    Report,
+    open_folder,
+    read_report,
+)
 from smad.checkup.judge import Judgement, judge_runs
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.proposal import propose, unpaired_offers
@@ -309,6 +315,51 @@ def test_a_bench_that_trips_is_judged_by_what_was_recorded_and_asked_no_more(
     assert report.verdict is not None
     assert [c.name for c in report.verdict.causes] == ["driver_gain"]
     assert report.proof == []
+
+
+def test_an_investigation_whose_runs_end_at_once_says_why_and_the_next_one_begins_anew(
+    reference: GoodRuns, tmp_path: Path
+) -> None:
+    folder = tmp_path / "investigation-1"
+
+    def play(run: ProgrammeRun, original: Path | None) -> Recorded:
+        log = tmp_path / "played.mcap"
+        log.unlink(missing_ok=True)
+        whole = played(61, GAIN, what=run)
+        write_log(log, whole.part(0, 70))
+        return Recorded(log, f"{run.name} stands elsewhere", False, took_s=60.0)
+
+    asked = replace(inquiry(reference, folder, GAIN), programme=ALL_QUICK, play=play)
+    with pytest.raises(BaselineError, match="too little was recorded") as raised:
+        asked.carry_out(lambda text: None)
+    assert "short was ended early: short stands elsewhere" in raised.value.cause
+    assert "40 or more" in str(raised.value)
+    report = read_report(folder / REPORT)
+    assert report.why_over == raised.value.cause
+    assert [r.run for r in report.records] == ["short", "still"]
+    assert open_folder(tmp_path).name == "investigation-2"
+
+
+def test_a_proof_that_ends_at_once_leaves_the_verdict_as_it_was(
+    reference: GoodRuns, tmp_path: Path
+) -> None:
+    asked = inquiry(reference, tmp_path / "investigation-1", GAIN)
+    number = count(1)
+
+    def play(run: ProgrammeRun, original: Path | None) -> Recorded:
+        recorded = asked.play(run, original)
+        if next(number) > 1:
+            recorded.path.unlink()
+            write_log(recorded.path, played(62, GAIN, what=run).part(0, 70))
+        return recorded
+
+    said: list[str] = []
+    report = replace(asked, play=play, say=said.append).carry_out(lambda text: None)
+    assert report.verdict is not None
+    assert [c.name for c in report.verdict.causes] == ["driver_gain"]
+    assert [r.held_out for r in report.records] == [False, True]
+    assert report.proof == []
+    assert any(text.startswith("no proof: too little was recorded") for text in said)
 
 
 def test_a_bench_that_leaves_a_recorded_run_is_asked_for_the_others(

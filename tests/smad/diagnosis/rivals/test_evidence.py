@@ -75,6 +75,36 @@ def test_a_prediction_is_drawn_with_the_drift_that_is_taken_off_in_its_gap() -> 
     assert evidence.residual([drawn, as_it_was]) == pytest.approx(residual, abs=0.01)
 
 
+def folds_of(*recorded: int) -> Evidence:
+    """Evidence of runs of which so many of 600 rows were recorded."""
+    trials = []
+    for bins in recorded:
+        valid = np.zeros((BINS, CHANNELS), dtype=bool)
+        valid[:bins] = True
+        rows = RunRows.of(np.full(CHANNELS, FLOOR), valid)
+        target = np.zeros(valid.shape)
+        trials.append(Trial(played=cast(Any, SimpleNamespace()), target=target, rows=rows))
+    return Evidence(trials=tuple(trials))
+
+
+@pytest.mark.parametrize("recorded", [(600,), (24, 24), (600, 24, 0), (24, 0, 0, 0)])
+def test_of_less_than_four_runs_what_was_recorded_is_divided_into_four_folds(
+    recorded: tuple[int, ...],
+) -> None:
+    evidence = folds_of(*recorded)
+    counted = evidence.fold[evidence.valid > 0.0]
+    assert not evidence.by_runs
+    assert np.bincount(counted).tolist() == 4 * [sum(recorded) * CHANNELS / 4]
+    assert (evidence.fold[evidence.valid == 0.0] == -1).all()
+
+
+def test_of_more_runs_each_that_has_a_row_is_a_fold() -> None:
+    evidence = folds_of(600, 0, 600, 3, 24)
+    counted = evidence.fold[evidence.valid > 0.0]
+    assert evidence.by_runs
+    assert np.bincount(counted).tolist() == [CHANNELS * n for n in (600, 600, 3, 24)]
+
+
 def test_a_channel_that_no_run_has_is_not_counted() -> None:
     valid = np.ones((BINS, CHANNELS), dtype=bool)
     valid[:, 1] = False
