@@ -212,7 +212,11 @@ def _require_length(
     # Rows are whole samples: a rounded time stamp is no missing sample.
     if run.duration_s + run.dt_s < least_s - ROUNDED * run.dt_s:
         cut = "" if run.duration_s == given.duration_s else ", up to where it can be used"
-        by_rows = LEAST_PERIODS * period_s > traits_of(plant).shortest_s
+        shortest_s = traits_of(plant).shortest_s
+        # A row is as short as the shortest run needs, of those that the plant can use at all.
+        if run.duration_s + run.dt_s < shortest_s and period_s > 1.5 * run.dt_s:
+            least_s = shortest_s
+        by_rows = least_s > shortest_s
         why = f": {LEAST_PERIODS} rows of {period_s:g} s" if by_rows else ""
         if by_rows and period_s > 1.5 * run.dt_s:
             why += f", so that all runs have at most {MOST_ROWS}; give fewer beside it"

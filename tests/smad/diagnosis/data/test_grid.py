@@ -125,6 +125,15 @@ def test_a_run_that_would_cost_too_many_rows_of_the_others_is_left_out_with_a_wo
     assert "so that all runs have at most 6000; give fewer beside it" in found.findings[-1].text
 
 
+def test_a_run_too_short_for_the_plant_is_refused_by_that_limit_beside_longer_ones_too() -> None:
+    plant = HeaterPlant()
+    runs = [recorded("sines", 1, duration_s=60.0), recorded("random", 2, duration_s=3.0)]
+    alone = admit(runs[1:], plant, row_of_admitted_s(runs[1:], plant)).findings[-1].text
+    row_s = row_of_admitted_s(runs, plant)
+    assert row_s > 1.5 * runs[1].dt_s
+    assert admit(runs, plant, row_s).findings[-1].text == alone
+
+
 def test_noise_and_channels_that_stand_still_say_nothing_of_a_time_scale() -> None:
     run = recorded("random", 1, duration_s=60.0)
     rng = np.random.default_rng(0)
