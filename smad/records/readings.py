@@ -215,20 +215,26 @@ def _codes(values: Array, finite: Mask, declared: Declared) -> Mask:
     numbers = declared.written.numbers(values)
     # A sensor writes its code in its unit, a logger in that of the file.
     forms = ((numbers, declared.file_unit), (values, spelt(declared.unit)))
-    codes = finite & np.logical_or.reduce([np.isin(np.round(x, _DIGITS), CODES) for x, _ in forms])
+    codes = finite & np.logical_or.reduce([np.isin(_rounded(x), CODES) for x, _ in forms])
     coded = (codes | (np.abs(numbers) >= _HUGE)) & beyond
     if declared.applied:
         return np.asarray(coded)
     uncoded = beyond & ~coded
     if np.sum(uncoded) > 1 and np.ptp(values[uncoded]) == 0.0 and np.mean(beyond) < 0.5:
         coded |= uncoded
-    warm = [np.round(x, _DIGITS) == _POWER_ON for x, unit in forms if unit != "degC"]
+    warm = [_rounded(x) == _POWER_ON for x, unit in forms if unit != "degC"]
     inside = codes & ~beyond & ~np.logical_or.reduce([np.zeros(len(values), dtype=bool), *warm])
     if inside.any() and not inside[finite & ~coded].all():
         good = finite & ~coded & ~inside
         span = min(declared.span, float(np.ptp(values[good])))
         coded |= inside & _far(values, good, _least_jump(values[good], span))
     return np.asarray(coded)
+
+
+def _rounded(numbers: Array) -> Array:
+    # What is too large to be rounded is none of the codes.
+    with np.errstate(over="ignore"):
+        return np.asarray(np.round(numbers, _DIGITS))
 
 
 def _far(values: Array, good: Mask, least: float) -> Mask:

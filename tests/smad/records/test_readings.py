@@ -36,6 +36,15 @@ def test_a_code_is_taken_out_and_told_with_its_count_and_time(code: float) -> No
     assert found.notes == (f"T holds {code:g} in 3 samples (the first at 5 s): a code, no reading",)
 
 
+def test_a_number_too_large_to_be_rounded_is_a_code_and_no_warning_of_the_arithmetic() -> None:
+    y = course()
+    y[50] = 1e308
+    with np.errstate(over="raise"):
+        found = checked(y, WARM, T)
+    assert np.flatnonzero(np.isnan(found.values)).tolist() == [50]
+    assert "a code, no reading" in found.notes[0]
+
+
 @pytest.mark.parametrize("code", [-999.0, 9999.0, 65535.0])
 def test_a_code_is_looked_for_among_the_numbers_of_the_file(code: float) -> None:
     milliamperes = Written.of("mA", "A")
