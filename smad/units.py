@@ -21,6 +21,8 @@ SPELLINGS: Mapping[str, str] = {
 """Other ways to write a unit of the table; words in small or capital letters."""
 
 
+WITHOUT = ("-", "–")
+"""What stands in place of a unit where there is none."""
 _WORDS = ("in", "h", "min", "g", "psi", "1")
 """Units of the table that are words as well: a name that ends so, "flow_in", may mean these;
 psi is the angle of yaw in "yaw_psi"."""
@@ -116,7 +118,7 @@ def spelt(unit: str) -> str:
 
 def is_unit(word: str) -> bool:
     """Whether a word is a unit of the table, or stands for none."""
-    return spelt(word) in UNITS or word.strip() in ("-", "–")
+    return spelt(word) in UNITS or word.strip() in WITHOUT
 
 
 @cache

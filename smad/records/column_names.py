@@ -16,7 +16,16 @@ from firmware_protocol.nearest import instead
 from smad.errors import LogImportError
 from smad.records.units import converts
 from smad.runlog.schema import CHANNELS
-from smad.units import BRACKETED, alternatives, known, parted_name, spelt, unit_of, units_for
+from smad.units import (
+    BRACKETED,
+    WITHOUT,
+    alternatives,
+    known,
+    parted_name,
+    spelt,
+    unit_of,
+    units_for,
+)
 
 _PER_SPRING = {
     "i_cmd_{}_A": ("i_cmd", "current_cmd", "current_command", "current_set"),
@@ -127,7 +136,7 @@ def _from_name(name: str, exact: Collection[str]) -> ColumnRule | None:
     if channel is None or channel in exact:
         return None
     channel_unit = CHANNELS[channel].unit
-    if not unit and channel_unit == "1":
+    if unit in ("", *WITHOUT) and channel_unit == "1":
         unit = "1"
     if unit not in units_for(channel_unit):
         raise LogImportError(
@@ -148,7 +157,10 @@ def parted(name: str) -> tuple[str, str]:
     """The quantity in a name, in small letters, and its unit: `Force [mN]`, `force mN`, `T_x_K`."""
     bracketed = BRACKETED.match(name.strip())
     if bracketed:
-        return _plain(bracketed["stem"]), spelt(bracketed["unit"])
+        stem, unit = bracketed["stem"], spelt(bracketed["unit"])
+        # `t_s [s]`: a row of units repeats that of the name.
+        quantity, named = parted_name(stem)
+        return _plain(quantity if named == unit else stem), unit
     stem, _, unit = re.sub(r"\s+", "_", name.strip()).rpartition("_")
     return _plain(stem), spelt(unit)
 

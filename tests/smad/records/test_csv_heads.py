@@ -68,6 +68,26 @@ def test_a_row_of_units_may_hold_a_one_or_a_word_that_is_none(row: str, tmp_path
     assert found.columns["i_meas_x_A"].tolist() == [0.001, 0.002]
 
 
+@pytest.mark.parametrize("unit", ["1", "-", "–"])
+def test_a_dash_in_place_of_a_unit_is_a_plain_number(unit: str, tmp_path: Path) -> None:
+    row = read(tmp_path, f"Time,Current X,Pump X\ns,mA,{unit}\n0,1,0.2\n1,2,0.4\n")
+    assert row.columns["duty_x"].tolist() == [0.2, 0.4]
+    name = read(tmp_path, f"Time [s],Pump X [{unit}]\n0,0.2\n1,0.4\n")
+    assert name.columns["duty_x"].tolist() == [0.2, 0.4]
+
+
+def test_a_row_of_units_may_repeat_those_of_the_names(tmp_path: Path) -> None:
+    found = read(tmp_path, "t_s,temp_x_degC,i_meas_x_A\ns,C,A\n0,20.5,1\n1,21.5,2\n")
+    assert found.columns["t_s"].tolist() == [0.0, 1.0]
+    assert found.columns["rtd_x_degC"].tolist() == [20.5, 21.5]
+    assert found.columns["i_meas_x_A"].tolist() == [1.0, 2.0]
+
+
+def test_a_row_of_units_that_contradicts_a_name_leaves_the_column_out(tmp_path: Path) -> None:
+    found = read(tmp_path, "t_s,temp_x_degC,i_meas_x_A\ns,K,A\n0,20.5,1\n1,21.5,2\n")
+    assert found.assignment.ignored == ["temp_x_degC [K]"]
+
+
 STAMPS = {
     "": ("2026-11-26T13:45:59.750", "2026-11-26 13:46:00,250", "2026-11-26T14:46:01Z"),
     "%d.%m.%Y %H:%M:%S,%f": ("26.11.2026 13:45:59,750", "26.11.2026 13:46:00,250",
