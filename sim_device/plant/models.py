@@ -166,8 +166,9 @@ def read_model(path: str | Path) -> Model:
     )
     if "covariance" not in raw:
         return model
+    table = _table(path, raw, "covariance")
     try:
-        covariance = read_covariance(_table(path, raw, "covariance"), quantities(model))
+        covariance = read_covariance(table, quantities(model))
     except ModelError as error:
         raise ModelError(f"{path.name}: {error}") from None
     return replace(model, covariance=covariance)

@@ -276,6 +276,11 @@ def test_an_effect_that_is_given_twice_is_refused_since_the_last_would_win():
         from_texts(["rtd_lag:tau_s=0.5", "driver_gain", "rtd_lag:y_share=0"])
 
 
+def test_a_parameter_that_is_given_twice_is_refused_since_the_last_would_win():
+    with pytest.raises(EffectError, match="tau_s is given twice; give it once"):
+        from_text("rtd_lag:tau_s=0.1, tau_s=0.2")
+
+
 def test_strengths_left_out_are_zero_once_one_is_given_and_shapes_are_typical():
     chosen = resolve({"tube_friction": {"coulomb_N": 0.2}})["tube_friction"]
     assert chosen["proportional"] == 0.0
