@@ -145,8 +145,7 @@ def effects(
     if as_json:
         print_json(list(library))
         return
-    for effect in library:
-        click.echo("\n".join(library_lines(effect)))
+    click.echo("\n".join(line for effect in library for line in library_lines(effect)))
 
 
 @gap.command()
@@ -164,8 +163,10 @@ def verify(
     from smad.diagnosis.verify import verified
 
     plant = pair.plant()
-    read = read_gap_runs(runs, runs, mapping=mapping_of(map_path))
-    rows = verified(plant, read, plant.load_model(model_path))
+    model = plant.load_model(model_path)
+    with progress() as line:
+        read = read_gap_runs(runs, runs, mapping=mapping_of(map_path), progress=line.say)
+        rows = verified(plant, read, model, note=line.note, progress=line.say)
     if as_json:
         print_json(verified_records(rows))
     else:

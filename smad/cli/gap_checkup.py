@@ -207,8 +207,7 @@ def investigate(
     click.echo("\n".join(report.ending_lines()))
     if report.proof:
         click.echo("held out, with the model from the runs before:")
-        for text in budget_lines(report.proof, PAIRED):
-            click.echo(text)
+        click.echo("\n".join(budget_lines(report.proof, PAIRED)))
     if report.model:
         click.echo(f"model: {report.model}")
     click.echo(f"runs and report: {place}")

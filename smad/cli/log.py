@@ -107,9 +107,7 @@ def show(
     if as_json:
         print_json(summary)
         return
-    for line in words.header_lines(summary):
-        click.echo(line)
-    click.echo()
+    click.echo("\n".join((*words.header_lines(summary), "")))
     print_columns(words.CHANNELS, words.channel_rows(summary), numeric=(2, 3, 4, 5))
     for line in words.ending_lines(summary):
         click.echo(line)

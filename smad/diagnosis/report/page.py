@@ -75,7 +75,7 @@ def write_report(answer: Answer, path: Path | str) -> Path:
 
 
 def _answer(v: Verdict) -> list[Block]:
-    out: list[Block] = [Text(line, "warning") for line in finding_lines(v, doubtful=True)]
+    out: list[Block] = [Text(line, "warning") for line in finding_lines(v.findings, doubtful=True)]
     floor = _FLOORS.get(
         v.question, "the difference between good runs, or the gap that the simulator leaves in them"
     )
@@ -189,7 +189,7 @@ def _runs(v: Verdict) -> list[Block]:
     stages = budget_stages(v.gaps_of, [])
     header = ("run", "role", "length", *stages, "with cause", "SHA-256")
     table = Table(header, rows, "Gaps in floors, of runs that were judged.", frozenset((3, 4, 5)))
-    return [table, *(Text(line, "note") for line in finding_lines(v, doubtful=False))]
+    return [table, *(Text(line, "note") for line in finding_lines(v.findings, doubtful=False))]
 
 
 def _next(steps: Sequence[tuple[str, str]]) -> list[Block]:

@@ -51,8 +51,8 @@ def lines(verdict: Verdict) -> list[str]:
     """The verdict in plain words, the headline first; lines that begin with a space are tables."""
     v = verdict
     out = [v.headline]
-    out += finding_lines(v, doubtful=True)
-    facts = finding_lines(v, doubtful=False)
+    out += finding_lines(v.findings, doubtful=True)
+    facts = finding_lines(v.findings, doubtful=False)
     if v.outcome == REFUSED:
         return [*out, *v.notes, *facts]
     if steps := gap_by_cause(v):
@@ -71,14 +71,14 @@ def lines(verdict: Verdict) -> list[str]:
     return [*out, *v.notes, *facts]
 
 
-def finding_lines(v: Verdict, *, doubtful: bool) -> list[str]:
+def finding_lines(findings: Sequence[Finding], *, doubtful: bool) -> list[str]:
     """Findings that refuse or doubt a run, or else those on what was read, done and left out.
 
     Findings that differ only in the run, or in the column that their text begins with, share a
     line; facts also if they differ in numbers.
     """
     groups: dict[tuple[str, str], list[Finding]] = {}
-    for f in v.findings:
+    for f in findings:
         if doubtful == (f.refuses or f.kind not in _FACTS):
             _, _, rest = f.text.partition(" ")
             alike = rest if doubtful else _NUMBER.sub("#", rest)

@@ -145,12 +145,28 @@ def test_an_unknown_experiment_is_refused_with_the_known_ones() -> None:
 def test_a_recorded_experiment_is_a_run_that_verify_can_read(log: Path, tmp_path: Path) -> None:
     model = tmp_path / "model.toml"
     SmaPlant().save_model(ModelPoint({"flow_max": 1.6e-7}), model, "")
-    rows = json.loads(call("verify", "--model", str(model), str(log), "--json").output)
+    rows = json.loads(call("verify", "--model", str(model), str(log), "--json").stdout)
     by_name = {r["signal"]: r for r in rows}
     assert by_name["displacement_mm"]["before"] < 1.0
     rtd = by_name["rtd_x_degC"]
     assert rtd["after"] > 3.0 * rtd["before"]
     assert rows[-1]["unit"] == "floors"
+
+
+def test_verify_says_beside_its_table_which_run_it_could_not_use(log: Path, tmp_path: Path) -> None:
+    model, other = tmp_path / "model.toml", tmp_path / "other.csv"
+    SmaPlant().save_model(ModelPoint({"flow_max": 1.6e-7}), model, "")
+    other.write_text("t_s,temp_x_degC\n0,1\n1,2\n")
+    said = call("verify", "--model", str(model), str(log), str(other), "--json")
+    assert "other: inputs are missing" in said.stderr
+    assert json.loads(said.stdout)[-1]["unit"] == "floors"
+
+
+def test_plan_takes_several_files_of_inputs_as_its_help_says(log: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.csv"
+    other.write_text("t_s,temp_x_degC\n0,1\n1,2\n")
+    said = call("plan", "--inputs", str(log), str(other))
+    assert str(said.exception).startswith("other lacks inputs")
 
 
 def test_a_log_that_is_cut_is_used_up_to_the_cut(log: Path, tmp_path: Path) -> None:
@@ -241,7 +257,7 @@ def test_apply_writes_the_model_with_the_first_causes_and_verify_shows_what_they
         out = folder / f"first-{first}.toml"
         said = call("apply", str(folder / "v.json"), "--out", str(out), "--first", first)
         assert said.output.startswith(f"{out}: parameters")
-        rows = json.loads(call("verify", "--model", str(out), str(table), "--json").output)
+        rows = json.loads(call("verify", "--model", str(out), str(table), "--json").stdout)
         left.append(rows[-1]["after"])
     assert left[1] < 0.8 * left[0]
     too_many = call("apply", str(folder / "v.json"), "--out", str(folder / "x"), "--first", "99")
