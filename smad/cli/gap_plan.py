@@ -5,14 +5,15 @@ from pathlib import Path
 import click
 
 from smad.cli.gap_print import SpringPair
-from smad.cli.gap_runs import files
+from smad.cli.gap_runs import ManyRuns, files
 from smad.cli.gap_simulator import Simulator
-from smad.cli.options import Command, json_option, option, together
+from smad.cli.options import json_option, option, together
 from smad.cli.output import print_json
 from smad.cli.quantity import Quantity
+from smad.view.terminal.progress import progress
 
 
-@click.command(cls=Command, name="plan")
+@click.command(cls=ManyRuns, name="plan")
 def plan_runs(
     *,
     inputs: tuple[Path, ...] = option(
@@ -49,10 +50,12 @@ def plan_runs(
         raise click.UsageError("nothing would be played; give --inputs FILE or --experiment NAME")
     if simulator.map_path is not None and not simulator.given:
         raise click.UsageError("--map needs --fmu or --mjcf; give one of them")
-    if simulator.given:
-        planned = simulator.plan(inputs, left_of(within_s))
-    else:
-        planned = plan_pair(pair.plant(), inputs, experiments, within_s=within_s)
+    with progress() as line:
+        if simulator.given:
+            planned = simulator.plan(inputs, left_of(within_s), line.say)
+        else:
+            plant = pair.plant()
+            planned = plan_pair(plant, inputs, experiments, within_s=within_s, progress=line.say)
     if as_json:
         print_json(planned.record())
     else:

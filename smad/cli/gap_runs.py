@@ -13,13 +13,13 @@ from smad.view.terminal.progress import note
 
 
 class ManyRuns(Command):
-    """A command whose `--hold-out` and `--good` take all that follows, up to the next option."""
+    """A command with options of files (`_GREEDY`) that take all up to the next option."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         return super().parse_args(ctx, _with_option_repeated(args))
 
 
-_GREEDY = ("--hold-out", "--good")
+_GREEDY = ("--hold-out", "--good", "--inputs")
 
 
 def _with_option_repeated(args: Sequence[str]) -> list[str]:

@@ -15,6 +15,7 @@ from smad.view.terminal.progress import note, progress
 
 if TYPE_CHECKING:
     from smad.diagnosis.answer import Answer
+    from smad.progress import Say
     from smad.records.channels import MappingFile
     from smad.simulators.planning import Plan
 
@@ -64,20 +65,19 @@ class Simulator:
             warn_that_code_runs(self.fmu)
             return diagnose_unit(self.fmu, self.map_path, runs, **options)
 
-    def plan(self, inputs: Sequence[Path], within_s: float) -> Plan:
+    def plan(self, inputs: Sequence[Path], within_s: float, progress: Say) -> Plan:
         """What runs with these inputs would show of it."""
         assert self.map_path is not None
+        options: dict[str, Any] = {"within_s": within_s, "progress": progress}
         if self.mjcf is not None:
             from smad.simulators.mjcf.asked import plan_mjcf
 
-            return plan_mjcf(
-                self.mjcf, self.map_path, inputs, window_s=self.window_s, within_s=within_s
-            )
+            return plan_mjcf(self.mjcf, self.map_path, inputs, window_s=self.window_s, **options)
         from smad.fmi.asked import plan_unit
 
         assert self.fmu is not None
         warn_that_code_runs(self.fmu)
-        return plan_unit(self.fmu, self.map_path, inputs, within_s=within_s)
+        return plan_unit(self.fmu, self.map_path, inputs, **options)
 
 
 processes_option = option(

@@ -14,6 +14,7 @@ from smad.fmi.errors import FmiError
 from smad.fmi.map_file import Map, read_map
 from smad.fmi.model import UnitModel
 from smad.fmi.unit_file import UnitFile, open_unit
+from smad.progress import Say, silent
 from smad.simulators.asking import diagnose
 from smad.simulators.by_map import tables_by_map
 from smad.simulators.columns import Table, span_of
@@ -41,11 +42,13 @@ def diagnose_unit(
     return diagnose(fit, declared, good=good_runs, hold_out=held_out, **options)
 
 
-def plan_unit(fmu: Path, map_path: Path, inputs: Any, *, within_s: float = 5.0) -> Plan:
+def plan_unit(
+    fmu: Path, map_path: Path, inputs: Any, *, within_s: float = 5.0, progress: Say = silent
+) -> Plan:
     """What runs with these inputs would show of a unit; as `smad.simulators.plan`."""
     mapped = read_map(map_path)
     declared, (tables,) = declare_unit(open_unit(fmu), mapped, inputs, measured=False)
-    return plan(tables, declared, window_s=_window_s(mapped), within_s=within_s)
+    return plan(tables, declared, window_s=_window_s(mapped), within_s=within_s, progress=progress)
 
 
 def declare_unit(

@@ -15,6 +15,7 @@ from smad.diagnosis.plant import ModelPoint, nominal_point
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.signals import read_gap_runs
+from smad.progress import Say, silent
 from smad.simulators.bind import bind
 from smad.simulators.calling import called
 from smad.simulators.columns import Table, tables_of
@@ -46,7 +47,12 @@ class Plan:
 
 
 def plan(
-    inputs: Any, simulator: Simulator, *, window_s: float | None = None, within_s: float = 5.0
+    inputs: Any,
+    simulator: Simulator,
+    *,
+    window_s: float | None = None,
+    within_s: float = 5.0,
+    progress: Say = silent,
 ) -> Plan:
     """Rate what runs with these inputs would show, before any is measured.
 
@@ -62,7 +68,7 @@ def plan(
     plain.window_s, why = choose_window(plain, _other(plain, runs), window_s)
     left_s = within_s - (time.process_time() - began_s)
     left_s = max(left_s, min(LEAST_S, within_s))
-    ratings = rate(bound.plant, runs, within_s=left_s)
+    ratings = rate(bound.plant, runs, within_s=left_s, progress=progress)
     read = dict.fromkeys(text for r in runs for text in r.notes)
     return Plan(ratings, [*([why] if why else []), *plain.failures.notes, *read])
 
@@ -73,13 +79,18 @@ def left_of(within_s: float) -> float:
 
 
 def plan_pair(
-    plant: SmaPlant, inputs: Sequence[Path], experiments: Sequence[str], *, within_s: float
+    plant: SmaPlant,
+    inputs: Sequence[Path],
+    experiments: Sequence[str],
+    *,
+    within_s: float,
+    progress: Say = silent,
 ) -> Plan:
     """As `plan`, of the spring pair, for files of inputs and experiments of its catalogue.
 
     `within_s` is that of the whole process. Raises GapError for a file that lacks an input.
     """
-    recorded = read_gap_runs(inputs, inputs)
+    recorded = read_gap_runs(inputs, inputs, progress=progress)
     for run in recorded:
         if lacking := [s.name for s in plant.inputs if s.name not in run.inputs]:
             raise GapError(
@@ -87,7 +98,8 @@ def plan_pair(
                 action="name the columns of the table so",
             )
     performed = [plant.perform(name, nominal_point(plant), 0) for name in experiments]
-    return Plan(rate(plant, [*recorded, *performed], within_s=left_of(within_s)), [])
+    runs = [*recorded, *performed]
+    return Plan(rate(plant, runs, within_s=left_of(within_s), progress=progress), [])
 
 
 def _complete(declared: Simulator, table: Table) -> Table:

@@ -27,6 +27,7 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Array, ModelPoint, PlantModel, nominal_point
 from smad.diagnosis.rivals.evidence import CORRELATED
 from smad.diagnosis.runs import GapRun
+from smad.progress import Say, silent
 
 Rated = Literal["identifiable", "weak", "not", "unknown"]
 IDENTIFIABLE: Rated = "identifiable"
@@ -90,7 +91,13 @@ class _Cause:
     play: Callable[[], Array | None]
 
 
-def rate(plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0) -> list[Rating]:
+def rate(
+    plant: PlantModel,
+    runs: Sequence[GapRun],
+    *,
+    within_s: float = 5.0,
+    progress: Say = silent,
+) -> list[Rating]:
     """Rate every parameter, effect and place for runs with these inputs, without any reading.
 
     Readings that the runs have are not used. What is not reached `within_s` is *unknown*.
@@ -99,16 +106,19 @@ def rate(plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0) ->
     sheet = _Sheet.of(placed, [filled(r) for r in runs])
     # The first replay of all may have compiled a kernel.
     ends = time.process_time() + within_s
+    progress("what each parameter changes")
     slopes, missed_by = _slopes(sheet, ends)
     gram = slopes @ slopes.T / CORRELATED + np.eye(len(slopes))
     played, missed = list[tuple[_Cause, Array]](), list[Rating]()
     for c in (*_effects(sheet), *_places(sheet)):
+        progress(f"what {c.name} changes")
         late = time.process_time() > ends
         rows = None if late else c.play()
         if rows is None:
             missed.append(_rated(c, UNKNOWN, np.inf, why=_LATE if late else _NO_NUMBERS))
         else:
             played.append((c, rows))
+    progress("what the parameters imitate")
     causes = [c for c, _ in played]
     noticed = [_noticed(c, rows, sheet, slopes, gram) for c, rows in played]
     left = [rows for _, rows in noticed]

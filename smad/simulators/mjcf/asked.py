@@ -9,6 +9,7 @@ from typing import Any
 
 from smad.diagnosis import Answer
 from smad.diagnosis.plant import ModelPoint, Parameter, Uncertainty
+from smad.progress import Say, silent
 from smad.records.column_names import unit_in
 from smad.simulators.asking import diagnose
 from smad.simulators.by_map import tables_by_map
@@ -51,10 +52,11 @@ def plan_mjcf(
     *,
     window_s: float | None = None,
     within_s: float = 5.0,
+    progress: Say = silent,
 ) -> Plan:
     """What runs with these inputs would show of a MuJoCo model; as `smad.simulators.plan`."""
     declared, (tables,) = declare_mjcf(model, map_path, inputs, measured=False)
-    return plan(tables, declared, window_s=window_s, within_s=within_s)
+    return plan(tables, declared, window_s=window_s, within_s=within_s, progress=progress)
 
 
 def declare_mjcf(
