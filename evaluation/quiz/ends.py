@@ -14,6 +14,7 @@ from evaluation.score.answers import Cause
 from evaluation.score.intervals import wilson
 from smad.checkup.investigation import Report
 from smad.checkup.programme import Programme
+from smad.checkup.proposal import ALL_PLAYED, ONE_LEFT
 from smad.diagnosis.verdict import CAUSES, PARAMETERS, QUIET, UNEXPLAINED
 from smad.report.page import Table
 
@@ -134,20 +135,25 @@ def ended(out: Path) -> list[End]:
     return [json.loads(path.read_text()) for path in sorted(out.glob("*.json"))]
 
 
+def _decided(case: End) -> bool:
+    why: str = case.get("why_over", "")
+    return why.startswith((ONE_LEFT, ALL_PLAYED) if case["outcome"] == QUIET else ONE_LEFT)
+
+
 def table(cases: Sequence[End]) -> Table:
-    """How they ended, apart for effects in the library and others, and for those that call it
-    settled: the rest leave several causes, spent their time or had a run ended early."""
+    """How they ended, apart for effects in the library and others, and for those in which one rival
+    or nothing was left: the others leave several, spent their time or had a run ended early."""
     rows = []
     unchanged = [c for c in cases if not c["effects"]]
     listed = [c for c in cases if c["effects"] and c["listed"]]
     other = [c for c in cases if not c["listed"]]
-    settled = [c for c in cases if "settled" in c.get("why_over", "")]
+    decided = [c for c in cases if _decided(c)]
     groups = (
         ("in the library", listed),
         ("not in it", other),
         ("none", unchanged),
         ("all", cases),
-        ("called settled", settled),
+        ("one rival or nothing left", decided),
     )
     for title, members in (group for group in groups if group[1]):
         took = [c["minutes"] for c in members]

@@ -1,4 +1,4 @@
-"""The loop of an investigation: play, judge, play the run that separates best, until settled.
+"""The loop of an investigation: play, judge, play what separates best, until one rival is left.
 
 Every run is kept under its number, so that an interrupted investigation can continue.
 """

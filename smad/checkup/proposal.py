@@ -24,6 +24,9 @@ from smad.diagnosis.verdict import PARAMETERS, QUIET
 
 SEPARATED = 16.0
 """Least d² that separates two rivals: four standard errors."""
+ALL_PLAYED = "every run of the baseline was played"
+ONE_LEFT = "one rival is left"
+"""How the reason begins why nothing more is played."""
 _WATER_DEGC = 27.0
 
 
@@ -45,12 +48,13 @@ class Proposal:
         lines = [f"{self.run} {self.why}" if self.run else self.why]
         lines += [f"  {run:<10} d² = {d2:.1f}" for run, d2 in self.offers.items()]
         if self.run is not None:
-            lines.append("smad gap investigate plays it, and goes on until it is settled")
+            lines.append("smad gap investigate plays it, and goes on until one rival is left")
         return lines
 
 
 def propose(judgement: Judgement, costs_s: Mapping[str, float], left_s: float) -> Proposal:
-    """The run that best separates the remaining rivals for its time; none when settled or futile.
+    """The run that best separates the remaining rivals for its time; none if one is left, or no run
+    would help.
 
     `costs_s` is the time for each run, `left_s` the time that is left. Each run is played once,
     since a repeat separates no rivals that the first play did not. Without a cause every run of the
@@ -68,17 +72,17 @@ def propose(judgement: Judgement, costs_s: Mapping[str, float], left_s: float) -
         if new:
             unplayed = ", ".join(new)
             return Proposal(None, f"the time is spent: so far {finding}; not played: {unplayed}")
-        settled = verdict.outcome == QUIET
-        over = "settled" if settled else "every run of the baseline was played"
-        return Proposal(None, f"{over}: {finding}")
+        return Proposal(None, f"{ALL_PLAYED}: {finding}")
     staying = judgement.alternatives
     names = tuple(rival_words(pairs.plant, r) for r in staying)
     if len(staying) < 2:
-        return Proposal(None, f"settled: {verdict.causes[0].words}; no other rival is near")
+        left = verdict.causes[0]
+        why = f"{ONE_LEFT}: {left.words}, probability {left.probability:.2f}; no other is near"
+        return Proposal(None, why)
     either = " or ".join(names)
     offers = _offers(judgement)
     if not offers:
-        why = f"every run of the baseline was played, and {either} is left open"
+        why = f"{ALL_PLAYED}, and {either} is left open"
         return Proposal(None, why, names)
     first, largest = next(iter(offers.items()))
     affordable = [run for run, d2 in offers.items() if d2 >= SEPARATED and costs_s[run] <= left_s]

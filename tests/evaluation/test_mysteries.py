@@ -68,7 +68,7 @@ class FakeWire:
                 Record(file=f"{k}.mcap", run="run-1", why="", held_out=k == 3, took_s=120.0)
                 for k in range(4)
             ]
-            report = Report(records=records, why_over="settled", verdict=VERDICT)
+            report = Report(records=records, why_over="the time is spent", verdict=VERDICT)
             (folder / "investigation.json").write_bytes(msgspec.json.encode(report))
 
     def answer(self) -> dict[str, Any]:
@@ -179,11 +179,14 @@ def test_the_table_counts_ends_of_listed_and_other_effects() -> None:
     assert rows["all: name"][1] == "3"
 
 
-def test_the_table_counts_those_that_call_it_settled_apart() -> None:
+def test_the_table_counts_those_that_leave_one_rival_or_nothing_apart() -> None:
     cases = [
-        ended("causes", "rtd_lag") | {"why_over": "settled: rtd_lag; no other rival is near"},
+        ended("causes", "rtd_lag") | {"why_over": "one rival is left: rtd_lag, probability 0.90"},
         ended("causes", "x") | {"place": "film", "why_over": "the time is spent: …"},
+        ended("quiet") | {"why_over": "the time is spent: so far nothing has changed"},
+        ended("parameters") | {"why_over": "every run of the baseline was played: other values"},
+        ended("quiet") | {"why_over": "every run of the baseline was played: nothing has changed"},
     ]
     rows = {row[0]: row for row in ends.table(cases).rows}
-    assert rows["all: likeliest place"][2].startswith("0.50")
-    assert rows["called settled: likeliest place"][1:3] == ("1", "1.00 (0.21–1.00)")
+    assert rows["all: likeliest place"][1] == "5"
+    assert rows["one rival or nothing left: likeliest place"][1:3] == ("2", "0.50 (0.09–0.91)")

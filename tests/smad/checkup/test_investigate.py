@@ -1,4 +1,4 @@
-"""What is played next, and why; and the loop until it is settled."""
+"""What is played next, and why; and the loop until one rival is left."""
 
 from dataclasses import replace
 from itertools import count
@@ -47,6 +47,7 @@ PROGRAMME = Programme("short", "two runs", (replace(SHORT, quick=True), STILL))
 ALL_QUICK = replace(PROGRAMME, runs=tuple(replace(run, quick=True) for run in PROGRAMME.runs))
 LAG = {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}}
 GAIN = {"driver_gain": {"gain": 0.06, "y_share": 1.0}}
+UNCHANGED = "every run of the baseline was played: nothing has changed beyond the repeat floor"
 COSTS = {"short": 60.0, "still": 60.0}
 
 
@@ -147,7 +148,7 @@ def test_the_run_that_tells_rivals_apart_is_proposed_with_the_reason(lagging: Ju
 
 
 @pytest.mark.parametrize("outcome", ["quiet", "unexplained", "parameters"])
-def test_nothing_is_settled_without_a_cause_before_every_run_was_played(
+def test_without_a_cause_it_is_not_over_before_every_run_was_played(
     lagging: Judgement, outcome: str
 ) -> None:
     nowhere = msgspec.structs.replace(lagging.verdict, outcome=outcome, causes=[])
@@ -164,13 +165,14 @@ def test_nothing_is_settled_without_a_cause_before_every_run_was_played(
 @pytest.mark.parametrize(
     ("outcome", "why"),
     [
-        ("quiet", "settled: nothing has changed beyond the repeat floor"),
+        ("quiet", "every run of the baseline was played: nothing has changed beyond the repeat "
+         "floor"),
         ("parameters", "every run of the baseline was played: other values of the parameters "
          "explain it, or an effect that they imitate"),
         ("unexplained", "every run of the baseline was played: no cause was found"),
     ],
 )  # fmt: skip
-def test_without_a_cause_only_a_bench_that_has_not_changed_is_settled(
+def test_without_a_cause_nothing_more_is_played_once_every_run_was(
     lagging: Judgement, outcome: str, why: str
 ) -> None:
     nowhere = msgspec.structs.replace(lagging.verdict, outcome=outcome, causes=[])
@@ -180,11 +182,11 @@ def test_without_a_cause_only_a_bench_that_has_not_changed_is_settled(
     assert (found.run, found.why) == (None, why)
 
 
-def test_one_rival_that_no_other_is_near_is_settled(lagging: Judgement) -> None:
+def test_one_rival_that_no_other_is_near_is_said_with_its_probability(lagging: Judgement) -> None:
     found = propose(undecided(lagging, LAG_LIKE), COSTS, 600.0)
     assert found.run is None
     assert not found.staying
-    assert found.why == "settled: reading_rtd; no other rival is near"
+    assert found.why == "one rival is left: reading_rtd, probability 0.90; no other is near"
 
 
 def test_rivals_that_predict_the_same_are_not_played_for(lagging: Judgement) -> None:
@@ -424,7 +426,7 @@ def test_what_to_play_next_follows_from_the_runs_that_an_investigation_judged(
 
 def test_a_quiet_bench_needs_no_proof(reference: GoodRuns, tmp_path: Path) -> None:
     report = inquiry(reference, tmp_path / "investigation-1", {}).carry_out(lambda text: None)
-    assert report.why_over == "settled: nothing has changed beyond the repeat floor"
+    assert report.why_over == UNCHANGED
     assert (len(report.records), report.proof, report.model) == (2, [], "")
 
 
@@ -434,7 +436,7 @@ def test_while_nothing_is_found_no_time_is_kept_for_a_proof(
     asked = replace(inquiry(reference, tmp_path / "investigation-1", {}), seconds=130.0)
     report = asked.carry_out(lambda text: None)
     assert [r.run for r in report.records] == ["short", "still"]
-    assert report.why_over == "settled: nothing has changed beyond the repeat floor"
+    assert report.why_over == UNCHANGED
 
 
 def test_a_proof_does_not_take_longer_than_is_left(reference: GoodRuns, tmp_path: Path) -> None:

@@ -184,7 +184,7 @@ def test_an_investigation_says_why_it_is_over_and_what_would_be_played_next(
 ) -> None:
     assert execute(["gap", "investigate", "--sim", "--baseline", str(baseline)]) == 0
     said = capsys.readouterr().out
-    finding = "settled: nothing has changed beyond the repeat floor"
+    finding = "every run of the baseline was played: nothing has changed beyond the repeat floor"
     assert f"{finding}; 1 run in 0.4 min\n" in said
     assert said.endswith(f"runs and report: {baseline / 'investigation-1'}\n")
     assert execute(["gap", "next", "--baseline", str(baseline)]) == 0
