@@ -158,7 +158,7 @@ def verify(
     as_json: bool = json_option,
 ) -> None:
     """Show the gap of new RUNs with and without the model."""
-    from smad.diagnosis.report.words import verified_lines, verified_records
+    from smad.diagnosis.report.words import findings_to, verified_lines, verified_records
     from smad.diagnosis.spring_pair.signals import read_gap_runs
     from smad.diagnosis.verify import verified
 
@@ -166,7 +166,7 @@ def verify(
     model = plant.load_model(model_path)
     with progress() as line:
         read = read_gap_runs(runs, runs, mapping=mapping_of(map_path), progress=line.say)
-        rows = verified(plant, read, model, note=line.note, progress=line.say)
+        rows = verified(plant, read, model, found=findings_to(line.note), progress=line.say)
     if as_json:
         print_json(verified_records(rows))
     else:

@@ -1,6 +1,6 @@
 """The gap of new runs with the nominal and an improved model: only drifts of a run are fitted."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from smad.diagnosis.answer import signal_gaps
 from smad.diagnosis.data.admission import admit, row_of_admitted_s
@@ -8,11 +8,10 @@ from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.errors import RunRefused
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint, PlantModel, nominal_point
-from smad.diagnosis.report.words import finding_lines
 from smad.diagnosis.rivals.evidence import recorded_evidence
 from smad.diagnosis.rivals.rival import cannot_replay, question_of
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.verdict import SignalGap
+from smad.diagnosis.verdict import Finding, SignalGap
 from smad.progress import Say, silent
 
 
@@ -21,25 +20,23 @@ def verified(
     runs: Sequence[GapRun],
     model: ModelPoint,
     *,
-    note: Say = silent,
+    found: Callable[[Sequence[Finding]], None] | None = None,
     progress: Say = silent,
 ) -> list[SignalGap]:
     """RMS of every channel with the nominal model (`raw`) and with `model` (`causes`).
 
     The last row is over all channels, in floors. Rows and floors are as in a diagnosis of these
-    runs. `note` is told what was refused, doubted or left out. Raises RunRefused when no run is
-    admitted, GapError where a model cannot replay them.
+    runs. `found` is given the findings on runs: what was refused, doubted or left out. Raises
+    RunRefused when no run is admitted, GapError where a model cannot replay them.
     """
     period_s = row_of_admitted_s(runs, plant)
     admission = admit(runs, plant, period_s, progress=progress)
-    doubts, facts = (finding_lines(admission.findings, doubtful=d) for d in (True, False))
     if not admission.admitted:
-        # Each line says what to do about its runs, and an error shortens a value.
-        raise RunRefused(
-            f"no run can be used: {'; '.join(doubts)}", action="correct that, or give other runs"
-        )
-    for text in (*doubts, *facts):
-        note(text)
+        # Each text says what to do about its run, and an error shortens a value.
+        why = "; ".join(f"{f.run}: {f.text}" for f in admission.findings if f.refuses)
+        raise RunRefused(f"no run can be used: {why}", action="correct that, or give other runs")
+    if found is not None:
+        found(admission.findings)
     progress("replaying the runs without and with the model")
     floors = estimate_floors(admission.admitted, plant, period_s)
     placed = with_places(plant)

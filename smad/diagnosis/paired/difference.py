@@ -6,7 +6,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from smad.diagnosis.data.grid import LEAST_PERIODS
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.data.rows import (
     binned,
@@ -22,7 +21,7 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, Mask, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
-from smad.diagnosis.rivals.evidence import Evidence, Trial, drift_directions
+from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, Trial, drift_directions
 from smad.diagnosis.rivals.rival import Question, day_variance, question_of
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say
@@ -72,17 +71,17 @@ class PairedRuns:
 def pair_runs(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]]) -> PairedRuns:
     """Pairs of `runs`, each with the name of the good run that it repeats.
 
-    Raises PairingError for inputs that differ too much, and TooLittleRecorded for pairs that have
-    fewer rows in all than a single run needs.
+    Raises PairingError for inputs that differ too much, and TooLittleRecorded for pairs that in all
+    have fewer rows than count as one.
     """
     by_name = {r.name: r for r in good.runs}
     pairs = tuple(_pair(plant, good, run, by_name[name]) for run, name in runs)
     rows = sum(int(p.trial.rows.valid.any(axis=1).sum()) for p in pairs)
-    if rows < LEAST_PERIODS:
+    if rows < CORRELATED:
         raise TooLittleRecorded(
             "too little was recorded both then and now to judge",
             value=f"{rows} rows of {good.runs[0].played.period_s:g} s",
-            limit=f"{LEAST_PERIODS} or more",
+            limit=f"{CORRELATED:.0f} or more",
             action="play the runs again to their end",
         )
     return PairedRuns(plant=plant, good=good, pairs=pairs)

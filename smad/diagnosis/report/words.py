@@ -7,7 +7,7 @@ shows the same, and more on demand.
 import math
 import re
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from smad.counted import counted, listed
@@ -28,6 +28,7 @@ from smad.diagnosis.verdict import (
     SignalGap,
     Verdict,
 )
+from smad.progress import Say
 from smad.units import in_words, with_unit
 
 _FACTS = (
@@ -85,6 +86,17 @@ def finding_lines(findings: Sequence[Finding], *, doubtful: bool) -> list[str]:
             groups.setdefault((f.kind, alike), []).append(f)
     order = sorted(groups.values(), key=lambda f: (not f[0].refuses, f[0].kind != COLUMN_DOUBTED))
     return [_line(alike) for alike in order]
+
+
+def findings_to(say: Say) -> Callable[[Sequence[Finding]], None]:
+    """What says the lines of findings, doubtful ones first."""
+
+    def say_all(findings: Sequence[Finding]) -> None:
+        for doubtful in (True, False):
+            for text in finding_lines(findings, doubtful=doubtful):
+                say(text)
+
+    return say_all
 
 
 def _line(alike: Sequence[Finding]) -> str:

@@ -335,7 +335,7 @@ def test_an_investigation_whose_runs_end_at_once_says_why_and_the_next_one_begin
     with pytest.raises(BaselineError, match="too little was recorded") as raised:
         asked.carry_out(lambda text: None)
     assert "short was ended early: short stands elsewhere" in raised.value.cause
-    assert "40 or more" in str(raised.value)
+    assert "16 or more" in str(raised.value)
     report = read_report(folder / REPORT)
     assert report.why_over == raised.value.cause
     assert [r.run for r in report.records] == ["short", "still"]

@@ -6,6 +6,7 @@ import pytest
 
 from smad.diagnosis.errors import RunRefused
 from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.report.words import findings_to
 from smad.diagnosis.verify import verified
 from tests.smad.diagnosis.cases import GAIN, OTHER, bank
 from tests.smad.diagnosis.heater_plant import HeaterPlant
@@ -31,8 +32,10 @@ def test_runs_that_cannot_be_used_are_refused_with_the_reason() -> None:
 def test_what_is_refused_or_lost_beside_usable_runs_is_said_as_a_diagnosis_says_it() -> None:
     good, short = bank(OTHER, GAIN)[0], bank(OTHER)[1].part(0, 30)
     notes: list[str] = []
-    rows = verified(HeaterPlant(), [good, short], ModelPoint(OTHER, GAIN), note=notes.append)
-    assert rows == verified(HeaterPlant(), [good], ModelPoint(OTHER, GAIN))
+    rows = verified(
+        HeaterPlant(), [good, short], ModelPoint(OTHER, GAIN), found=findings_to(notes.append)
+    )
+    assert rows == verified(HeaterPlant(), [good], model)
     assert any(short.name in text and "at least" in text for text in notes)
 
 
