@@ -35,7 +35,7 @@ def test_what_is_refused_or_lost_beside_usable_runs_is_said_as_a_diagnosis_says_
     rows = verified(
         HeaterPlant(), [good, short], ModelPoint(OTHER, GAIN), found=findings_to(notes.append)
     )
-    assert rows == verified(HeaterPlant(), [good], model)
+    assert rows == verified(HeaterPlant(), [good], ModelPoint(OTHER, GAIN))
     assert any(short.name in text and "at least" in text for text in notes)
 
 
