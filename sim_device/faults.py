@@ -426,6 +426,9 @@ def injection(name: str, at_s: float, **parameters: float) -> Injection:
     return Injection(kind, round(at_s * 1e6), merged, lasts_s)
 
 
+_HOW_TO_WRITE = "write NAME@seconds[:parameter=value,...]"
+
+
 def parse_injection(text: str) -> Injection:
     """Return the injection that NAME@t[:parameter=value,...] describes, t in seconds.
 
@@ -436,12 +439,13 @@ def parse_injection(text: str) -> Injection:
     if name not in FAULT_KINDS:
         raise _no_such(name)
     if not at_sign:
-        raise FaultSpecError(f"{text!r} gives no time; write NAME@seconds[:parameter=value,...]")
+        raise FaultSpecError(f"{text!r} gives no time; {_HOW_TO_WRITE}")
     try:
         at_s = float(time)
-        parameters = numbers_by_name(tail)
     except ValueError:
-        raise FaultSpecError(
-            f"{text!r} has a value that is not a number; write NAME@seconds[:parameter=value,...]"
-        ) from None
+        raise FaultSpecError(f"{text!r}: its time is not a number; {_HOW_TO_WRITE}") from None
+    try:
+        parameters = numbers_by_name(tail)
+    except ValueError as error:
+        raise FaultSpecError(f"{text!r}: {error}; {_HOW_TO_WRITE}") from None
     return injection(name.strip(), at_s, **parameters)

@@ -249,12 +249,8 @@ class Investigation:
         ended = [f"{r.run} was ended early: {r.ended}" for r in report.records if r.ended]
         why = "; ".join([error.cause, *ended])
         self._write(msgspec.structs.replace(report, why_over=why))
-        return BaselineError(
-            why,
-            value=error.value,
-            limit=error.limit,
-            action=f"mend what ended them, and repeat the command; the runs are in {self.folder}",
-        )
+        action = f"mend what ended them, and repeat the command; the runs are in {self.folder}"
+        return BaselineError(why, **(error.parts | {"action": action}))
 
     def _costs_s(self, report: Report) -> dict[str, float]:
         """Time for each run: its duration and the longest rest so far."""

@@ -26,7 +26,7 @@ SEPARATED = 16.0
 """Least d² that separates two rivals: four standard errors."""
 ALL_PLAYED = "every run of the baseline was played"
 ONE_LEFT = "one rival is left"
-"""How the reason begins why nothing more is played."""
+"""Beginnings of the reason for which nothing more is played."""
 _WATER_DEGC = 27.0
 
 

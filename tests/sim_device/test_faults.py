@@ -266,6 +266,7 @@ def test_a_fault_is_described_in_one_word(
         ("leak@1:lasts=0", "longer than 0"),
         ("leak@inf", "finite"),
         ("hang@1:seconds", "not a number"),
+        ("hang@1:seconds=1,seconds=2", "seconds is given twice; give it once"),
     ],
 )
 def test_a_fault_described_wrongly_is_refused_with_the_reason(text: str, says: str) -> None:

@@ -70,12 +70,9 @@ def from_text(text: str) -> tuple[str, dict[str, float]]:
         values = numbers_by_name(rest)
     except ValueError as error:
         raise EffectError(
-            f"effect {text!r}: {str(error)!r} is not PARAMETER=NUMBER; write for example"
-            " rtd_lag:tau_s=0.5, and see smad gap effects for names and units"
+            f"effect {text!r}: {error}; write PARAMETER=NUMBER, for example rtd_lag:tau_s=0.5, and"
+            " see smad gap effects for names and units"
         ) from None
-    names = [part.partition("=")[0].strip() for part in rest.split(",")]
-    if twin := next((n for n in values if names.count(n) > 1), ""):
-        raise EffectError(f"effect {text!r}: {twin} is given twice; give it once")
     resolve({name.strip(): values})
     return name.strip(), values
 

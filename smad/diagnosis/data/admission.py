@@ -208,12 +208,13 @@ def _require_length(
     run: GapRun, given: GapRun, plant: PlantModel, period_s: float, say: Note
 ) -> None:
     """Refuse a run that is too short or sampled too slowly; note uneven times."""
-    least_s = max(LEAST_PERIODS * period_s, traits_of(plant).shortest_s)
+    shortest_s = traits_of(plant).shortest_s
+    least_s = max(LEAST_PERIODS * period_s, shortest_s)
     # Rows are whole samples: a rounded time stamp is no missing sample.
     if run.duration_s + run.dt_s < least_s - ROUNDED * run.dt_s:
         cut = "" if run.duration_s == given.duration_s else ", up to where it can be used"
-        shortest_s = traits_of(plant).shortest_s
-        # A row is as short as the shortest run needs, of those that the plant can use at all.
+        # Runs too short for the plant had no say in the length of a row: giving fewer beside such
+        # a run would not help it.
         if run.duration_s + run.dt_s < shortest_s and period_s > 1.5 * run.dt_s:
             least_s = shortest_s
         by_rows = least_s > shortest_s

@@ -89,7 +89,7 @@ def finding_lines(findings: Sequence[Finding], *, doubtful: bool) -> list[str]:
 
 
 def findings_to(say: Say) -> Callable[[Sequence[Finding]], None]:
-    """What says the lines of findings, doubtful ones first."""
+    """A callback that passes the lines of findings to `say`, the doubtful ones first."""
 
     def say_all(findings: Sequence[Finding]) -> None:
         for doubtful in (True, False):
