@@ -68,12 +68,18 @@ def click(driver: Any, selector: str) -> None:
         found = driver.find_element(By.CSS_SELECTOR, selector)
         if not found.is_enabled():
             return False
+        driver.execute_script(
+            "window.missed = true; arguments[0].addEventListener("
+            "'click', () => { window.missed = false; }, {capture: true, once: true})",
+            found,
+        )
         try:
             found.click()
         except (ElementClickInterceptedException, ElementNotInteractableException):
             # A line that came between took its place under the pointer, or it is not drawn yet.
             return False
-        return True
+        # Or the line came after the browser had looked where to click, and something else got it.
+        return not driver.execute_script("return window.missed === true")
 
     until(driver, clicked)
 
