@@ -1,5 +1,6 @@
 """What the makers of banks share: parts that are made once, a key that lies apart, its hash."""
 
+import os
 import secrets
 import shutil
 import sys
@@ -18,6 +19,7 @@ from evaluation.bank.recorder import Run
 from evaluation.errors import BankError
 from evaluation.plant.effects import BY_NAME, Active
 from evaluation.plant.layout import READINGS
+from smad.processes.parent import end_with
 
 Array = NDArray[np.float64]
 Entry = dict[str, Any]
@@ -99,7 +101,7 @@ def made(
     """
     missing = [n for n in work if not (order.parts / f"{n}.json").exists()]
     running: dict[Future[Any], str] = {}
-    with ProcessPoolExecutor(order.jobs) as pool:
+    with ProcessPoolExecutor(order.jobs, None, end_with, (os.getpid(),)) as pool:
         while missing or running:
             while missing and len(running) < order.jobs and time.monotonic() < until:
                 name = missing.pop(0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
@@ -20,6 +21,7 @@ from evaluation.recovery.scores import tables
 from evaluation.results.record import keep
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.files import write_whole
+from smad.processes.parent import end_with
 from smad.report.page import Table
 from smad.view.terminal.tables import print_table
 
@@ -116,11 +118,11 @@ def answered(
 
 @contextlib.contextmanager
 def _workers(jobs: int) -> Iterator[Executor]:
-    """Processes that end at once when the command is interrupted.
+    """Processes that end at once when the command is interrupted or killed.
 
     They are fresh interpreters, since a fork would copy the locks of threads.
     """
-    pool = ProcessPoolExecutor(jobs, get_context("spawn"), _leave_interrupts)
+    pool = ProcessPoolExecutor(jobs, get_context("spawn"), _begin, (os.getpid(),))
     try:
         yield pool
         pool.shutdown()
@@ -131,6 +133,7 @@ def _workers(jobs: int) -> Iterator[Executor]:
         raise
 
 
-def _leave_interrupts() -> None:
-    """An interrupt is for the parent, which has the file."""
+def _begin(parent: int) -> None:
+    """End with the parent; an interrupt is for it, since it has the file."""
+    end_with(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)

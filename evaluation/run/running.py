@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import signal
 import threading
 import time
@@ -32,6 +33,7 @@ from evaluation.run.manifest import Case, read_manifest
 from evaluation.score.openings import refuse_sealed
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.files import write_whole
+from smad.processes.parent import end_with
 
 _MEMORY = "its worker process ended, as it does when memory runs out: use fewer --jobs"
 _TOLD = 5
@@ -224,7 +226,8 @@ def apart(work: Work, check: Check, group: Sequence[Task]) -> Iterator[Judged]:
     lacking, spawn = list(group), get_context("spawn")
     while lacking:
         receiver, sender = spawn.Pipe(duplex=False)
-        worker = spawn.Process(target=_judge_all, args=(work, check, lacking, sender), daemon=True)
+        arguments = os.getpid(), work, check, lacking, sender
+        worker = spawn.Process(target=_judge_all, args=arguments, daemon=True)
         worker.start()
         sender.close()
         with contextlib.suppress(EOFError):
@@ -239,7 +242,10 @@ def apart(work: Work, check: Check, group: Sequence[Task]) -> Iterator[Judged]:
             yield Judged(lacking.pop(0)[0].id, error=_MEMORY)
 
 
-def _judge_all(work: Work, check: Check, group: Sequence[Task], to: Connection) -> None:
+def _judge_all(
+    parent: int, work: Work, check: Check, group: Sequence[Task], to: Connection
+) -> None:
+    end_with(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for case, made_of in group:
         to.send(work(check, case, made_of))

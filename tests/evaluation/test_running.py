@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import functools
 import os
+import time
 from collections.abc import Callable, Iterator, Sequence
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -202,6 +204,45 @@ def test_the_cases_of_a_bench_go_on_after_one_whose_worker_died(tmp_path: Path) 
     file = run(order, functools.partial(die_on, cases=("case-2",)), cases)
     assert set(file.verdicts) == {"case-1", "case-3", "case-4"}
     assert list(file.notes) == ["case-2"]
+
+
+def sleep_as(check: Check, case: Case, made_of: str, file: Path) -> Judged:
+    """A worker that says who it is, and never ends of itself."""
+    file.with_suffix(".part").write_text(str(os.getpid()))
+    file.with_suffix(".part").rename(file)
+    while True:
+        time.sleep(60.0)
+
+
+def check_asleep(order: Check, file: Path) -> None:
+    run(order, functools.partial(sleep_as, file=file))
+
+
+def wait_for(true: Callable[[], bool]) -> None:
+    end_s = time.monotonic() + 120.0
+    while not true():
+        assert time.monotonic() < end_s
+        time.sleep(0.05)
+
+
+def has_ended(process: Path) -> bool:
+    """Whether there is no such process, or only the number that nobody has asked for."""
+    try:
+        return (process / "stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+def test_a_worker_ends_with_a_check_that_is_killed(tmp_path: Path) -> None:
+    order = opened(make(tmp_path / "bank", 1))
+    check = get_context("spawn").Process(target=check_asleep, args=(order, tmp_path / "worker"))
+    check.start()
+    wait_for((tmp_path / "worker").exists)
+    worker = Path("/proc") / (tmp_path / "worker").read_text()
+    assert not has_ended(worker)
+    check.kill()
+    check.join()
+    wait_for(lambda: has_ended(worker))
 
 
 def judge_runs(order: Check) -> Judged:
