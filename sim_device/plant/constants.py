@@ -139,14 +139,20 @@ def water_heat_capacity() -> float:
 
 
 def mounting(
-    parameters: ParameterSet, *, fixture: str, cooling: str, temperature_K: float | None = None
+    parameters: ParameterSet,
+    *,
+    fixture: str,
+    cooling: str,
+    temperature_K: float | None = None,
+    displacement_m: float = 0.0,
 ) -> dict[str, float]:
     """The kernel's `Mounting`, by name: all martensite, mounted as the fixture says.
 
     The antagonistic pair and the blocked spring start at (δ0, F0) with ξ_S0 of Eq. (10), a spring
     to be stretched starts without load. `temperature_K` is that of wire and water; by default the
     water's inlet temperature, or the ambient one in air. Give none far above A_S + τ/C_A: such a
-    start stays martensite until it has been cold once.
+    start stays martensite until it has been cold once. A pair that starts at a `displacement_m` has
+    one spring detwinned more by it, the other less, under the same tension.
     """
     inlet, air = parameters["water_temperature"], parameters["ambient_temperature"]
     if temperature_K is None:
@@ -158,6 +164,7 @@ def mounting(
         "tension": parameters["initial_force"],
         "xi_S": initial_detwinned(parameters),
         "deflection": parameters["initial_deflection"],
+        "displacement": displacement_m,
         "loads_x": float(fixture != "stretch"),
         "loads_y": float(fixture == "antagonistic"),
     }

@@ -106,8 +106,9 @@ class Inputs:
 
     t_s (n,), increasing. i_A (n, 2): currents that the driver was given. pump_duty (n, 2), 0 to 1.
     drain (n, 2), 0 or 1. stage_m (n,). inlet_K, ambient_K (n,), or one for all: temperatures of
-    water and air; left out, the parameter set's. Row k is in force over the interval that ends at
-    t_s[k], as a board reports what it applies together with what it measures.
+    water and air; left out, the parameter set's. displacement_m: that at which an antagonistic pair
+    starts. Row k is in force over the interval that ends at t_s[k], as a board reports what it
+    applies together with what it measures.
     """
 
     t_s: Array
@@ -117,6 +118,7 @@ class Inputs:
     stage_m: Array | None = None
     inlet_K: Array | float | None = None
     ambient_K: Array | float | None = None
+    displacement_m: float = 0.0
     rows: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -141,13 +143,18 @@ class Inputs:
         object.__setattr__(self, "rows", rows)
 
     def surrounded(
-        self, inlet_K: Array | float, ambient_K: Array | float, times_i_y: float = 1.0
+        self,
+        inlet_K: Array | float,
+        ambient_K: Array | float,
+        times_i_y: float = 1.0,
+        displacement_m: float = 0.0,
     ) -> Inputs:
         """The same, already checked, with other temperatures of water and air, Y's current scaled
-        by `times_i_y`, which is positive."""
+        by `times_i_y`, which is positive, and another start."""
         other = copy.copy(self)
         object.__setattr__(other, "inlet_K", inlet_K)
         object.__setattr__(other, "ambient_K", ambient_K)
+        object.__setattr__(other, "displacement_m", displacement_m)
         if times_i_y != 1.0:
             rows = self.rows.copy()
             rows[:, 1] *= times_i_y
@@ -319,7 +326,7 @@ class Replay:
         env = self.inputs.environment(setup.parameters)
         if temperature_K is None:
             temperature_K = float(env[0, 1 if setup.cooling == "air" else 0])
-        state = setup.state(temperature_K)
+        state = setup.state(temperature_K, self.inputs.displacement_m)
         row = k.numbers(state)
         out = np.empty((self._places.size, self.inputs.t_s.size))
         status = k.replay(

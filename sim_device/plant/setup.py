@@ -31,7 +31,7 @@ class Setup:
     """What the kernel takes: `model`, an array of one record, the film table, and laws as a table.
 
     `effects` are those as resolved. `late`: some channel is read late. `latest_rest` is the latest
-    state at rest, by its temperature. The arrays must not be changed.
+    state at rest, by temperature and displacement. The arrays must not be changed.
     """
 
     parameters: ParameterSet
@@ -43,7 +43,9 @@ class Setup:
     late: bool
     laws: Array
     options: Mapping[str, str]
-    latest_rest: dict[float | None, Any] = field(default_factory=dict, repr=False, compare=False)
+    latest_rest: dict[tuple[float | None, float], Any] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @classmethod
     def make(
@@ -110,9 +112,10 @@ class Setup:
         """Room for the history of the samples, as much as late channels need."""
         return np.zeros((k.RING_ROWS if self.late else 1, k.RING_COLUMNS))
 
-    def state(self, temperature_K: float | None = None) -> Any:
+    def state(self, temperature_K: float | None = None, displacement_m: float = 0.0) -> Any:
         """A fresh state at rest, an array of one record, sensors included."""
-        state = self.latest_rest.get(temperature_K)
+        start = temperature_K, displacement_m
+        state = self.latest_rest.get(start)
         if state is None:
             state = k.zeros(k.State)
             mount = mounting(
@@ -120,9 +123,10 @@ class Setup:
                 fixture=self.fixture,
                 cooling=self.cooling,
                 temperature_K=temperature_K,
+                displacement_m=displacement_m,
             )
             k.rest(state, self.model, k.filled(k.Mounting, mount), self.ring())
-            # Replays of one run after another begin at the same temperature.
+            # Replays of one run after another begin alike.
             self.latest_rest.clear()
-            self.latest_rest[temperature_K] = state
+            self.latest_rest[start] = state
         return k.copied(state)

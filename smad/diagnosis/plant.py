@@ -197,13 +197,15 @@ class Traits:
     `day`: parameters that vary, with their usual standard deviation as a share of the prior's.
     `environment`: parameter -> channel that measures it at the start of a run; the model carries
     its difference over. `drift`: places that drift within a run, with the usual size in the unit of
-    the place. `shortest_s`: least duration of a run. `longest_step_s`: longest sample interval.
+    the place. `starts`: channels at other values of which a run may start, and a replay with it.
+    `shortest_s`: least duration of a run. `longest_step_s`: longest sample interval.
     `together`: number of replays that are worth running at once, in threads.
     """
 
     day: Mapping[str, float] = field(default_factory=dict)
     environment: Mapping[str, str] = field(default_factory=dict)
     drift: Mapping[str, float] = field(default_factory=dict)
+    starts: tuple[str, ...] = ()
     shortest_s: float = 8.0
     longest_step_s: float = math.inf
     together: int = 1

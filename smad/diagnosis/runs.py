@@ -30,7 +30,8 @@ class GapRun:
     is the run that this one was thinned from, for what must be replayed at its own pace. A
     `trusted` run is not refused for what the nominal model thinks of it. `written` says how a
     column stands in its file, where it was converted. `offsets` are series of times and values by
-    channel, in its unit: a plant adds them to its signals before its sensors, if it can.
+    channel, in its unit: a plant adds them to its signals before its sensors, if it can. `starts`
+    says by channel how far from its usual rest the bench starts, for a plant that can start there.
     """
 
     name: str
@@ -45,6 +46,7 @@ class GapRun:
     trusted: bool = False
     offsets: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     written: Mapping[str, Written] = field(default_factory=dict)
+    starts: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         # What is an array already stays the same object.

@@ -29,6 +29,7 @@ class Mounting:
     tension: float  # of a spring that is loaded, N
     xi_S: float  # its detwinned fraction, Eq. (10)
     deflection: float  # m
+    displacement: float  # at which the pair starts, m
     loads_x: float  # 1 when the spring is mounted under load
     loads_y: float
 
@@ -54,12 +55,14 @@ def rest_memory(m: Memory, xi_S: float, T: float, tau: float, p: Constants, e: E
 
 
 @inlined
-def rest_spring(s: Spring, loaded: float, mount: Mounting, p: Constants, e: Effects) -> None:
-    """One spring at rest: all martensite, detwinned as far as its load says."""
+def rest_spring(
+    s: Spring, loaded: float, longer: float, mount: Mounting, p: Constants, e: Effects
+) -> None:
+    """One spring at rest, all martensite: detwinned as far as its load says, and `longer` (m)."""
     T = mount.T_start
     force = loaded * mount.tension
     tau = p.C1 * force
-    detwinned = loaded * mount.xi_S
+    detwinned = clip01(loaded * (mount.xi_S + longer / p.delta_L))
     s.T_wire = T
     s.T_water = T
     s.T_wall = T
@@ -67,7 +70,7 @@ def rest_spring(s: Spring, loaded: float, mount: Mounting, p: Constants, e: Effe
     s.filled = p.wet
     s.wetted = 1.0
     s.tension = force
-    s.deflection = loaded * mount.deflection
+    s.deflection = loaded * (mount.deflection + longer)
     s.resistance = p.resistance_per_m * p.length
     s.elastic_energy = 0.5 * force * force * compliance(1.0, p, e)
     s.tau = tau
@@ -87,8 +90,9 @@ def rest(
     state, model, mount = states[0], models[0], mounts[0]
     state.shared.given_inlet = mount.T_inlet
     state.shared.given_air = mount.T_air
-    rest_spring(state.x, mount.loads_x, mount, model.p, model.x)
-    rest_spring(state.y, mount.loads_y, mount, model.p, model.y)
+    rest_spring(state.x, mount.loads_x, -mount.displacement, mount, model.p, model.x)
+    rest_spring(state.y, mount.loads_y, mount.displacement, mount, model.p, model.y)
+    state.shared.displacement = mount.displacement
     state.shared.tension = state.x.tension
     wake_sensors(state, model, ring)
     state.shared.samples = 0.0

@@ -73,6 +73,13 @@ class Played:
             period_s=period_s,
         )
 
+    def starting(self, starts: Mapping[str, float]) -> Played:
+        """The run from another start (see `GapRun`)."""
+        run = replace(self.run, starts=starts)
+        if run.whole is not None:
+            run = replace(run, whole=replace(run.whole, starts=starts))
+        return replace(self, run=run)
+
     def means(self, series: Array, *, exact: bool = False) -> Array:
         """Means of series over its samples (m, n) in each bin, (m, bins).
 

@@ -7,7 +7,7 @@ each channel, and shrunk along the directions in which days differ. Missing rows
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -76,6 +76,17 @@ class RunRows:
             day=days,
             day_sd=np.ones(len(days)),
             rho=np.zeros(len(sd)) if rho is None else rho,
+        )
+
+    def with_days(self, directions: Array, *, form: bool = False) -> RunRows:
+        """The same with further directions (k, bins, channels) at one standard deviation, and with
+        their form error if it is asked for.
+        """
+        return replace(
+            self,
+            sd=with_day_form(self.sd, directions, np.ones(len(directions))) if form else self.sd,
+            day=np.concatenate([self.day, directions]),
+            day_sd=np.concatenate([self.day_sd, np.ones(len(directions))]),
         )
 
     def independent(self, values: Array) -> Array:

@@ -17,6 +17,7 @@ from smad.diagnosis.data.rows import (
 from smad.diagnosis.errors import TooLittleRecorded
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.paired.good import GoodRun, GoodRuns, day_directions
+from smad.diagnosis.paired.start import directions, distances
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, Mask, PlantModel, traits_of
@@ -36,7 +37,7 @@ class Pair:
     `share` is how much of the good run it has recorded. `carried`: the inputs differed, and the
     model carried the difference over. The `trial` replays the inputs of then (its own where
     carried) in the surroundings of now; its target is that prediction plus the change of the bench.
-    `around` are these surroundings by channel.
+    `around` are these surroundings, and `away` how far from the good run it starts, by channel.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Pair:
     share: float
     carried: bool
     around: Mapping[str, float]
+    away: Mapping[str, float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,20 +118,18 @@ def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pai
     again = _again(then, run, other, around, start)
     (predicted,) = predictions(plant, good.point, [again], exact=True)
     moved = np.where(np.isfinite(predicted) & now.covered[:, None], predicted - then.base, 0.0)
+    change = now.values - then.mean - moved
+    valid = now.valid & then.valid & now.covered[:, None]
+    rows = rows_of(plant, good, then, valid, moved)
+    away = distances(plant, change, rows, then.played.period_s)
+    rows = rows.with_days(directions(plant, good.point, again, predicted, away), form=True)
     again = then.as_measured(plant, again)
     (predicted,) = predictions(plant, good.point, [again], exact=True)
     # In the surroundings of now, since a change may act differently there.
-    target = predicted + (now.values - then.mean) - moved
-    valid = now.valid & then.valid & now.covered[:, None]
-    rows = rows_of(plant, good, then, valid, moved)
+    target = predicted + change
     if not good.floor.degrees:
         # Without repeats nothing has shown how far the room drifts.
-        drifts = drift_directions(plant, good.point, again)
-        rows = replace(
-            rows,
-            day=np.concatenate([rows.day, drifts]),
-            day_sd=np.concatenate([rows.day_sd, np.ones(len(drifts))]),
-        )
+        rows = rows.with_days(drift_directions(plant, good.point, again))
     return Pair(
         name=run.name,
         then=then,
@@ -137,6 +137,7 @@ def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pai
         share=now.share,
         carried=other,
         around=around,
+        away=away,
     )
 
 

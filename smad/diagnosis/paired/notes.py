@@ -40,6 +40,10 @@ def notes_of(paired: PairedRuns) -> list[str]:
     ]
     if warm:
         out.append("carried over by the model: " + ", ".join(warm))
+    unit = {channel.name: channel.unit for channel in paired.plant.channels}
+    away = [f"{c} {d:+.2g} {unit[c]} in {p.name}" for p in paired.pairs for c, d in p.away.items()]
+    if away:
+        out.append("started elsewhere than the good runs: " + ", ".join(away))
     return out
 
 

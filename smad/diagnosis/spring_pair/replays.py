@@ -75,12 +75,13 @@ class GivenRun:
     def inputs(self, point: GivenPoint, steps: Steps | None = None) -> Inputs:
         """Inputs of a replay, a row for each sample, or for each of the `steps`.
 
-        Water and room start where the run measured them at its start. The two temperatures of the
-        parameter set then act as corrections of those measurements.
+        The pair starts where the run says, water and room where the run measured them at its start.
+        The two temperatures of the parameter set then act as corrections of those measurements.
         """
         inputs = self.recorded if steps is None else steps.inputs
         inlet_K, ambient_K = (self._around(point, *pair) for pair in TRAITS.environment.items())
-        return inputs.surrounded(inlet_K, ambient_K, point.root["y"])
+        start_m = 1e-3 * self.run.starts.get("displacement_mm", 0.0)
+        return inputs.surrounded(inlet_K, ambient_K, point.root["y"], start_m)
 
     def offsets(self, t_s: Array) -> dict[tuple[str, str], Array]:
         """The forcing of the sensors by the run's offsets, at times (m,)."""

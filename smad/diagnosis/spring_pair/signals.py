@@ -78,6 +78,7 @@ TRAITS = Traits(
     },
     environment={"water_temperature": "rtd_inlet_degC", "ambient_temperature": "rtd_ambient_degC"},
     drift={"inlet_water": 0.2, "ambient_air": 0.2},
+    starts=("displacement_mm",),
     longest_step_s=LONGEST_STEP_S,
 )
 """Loss, flow, film, temperatures beyond what is measured, and where a run starts from. Water and
