@@ -13,7 +13,7 @@ from typing import Any, TypedDict
 from sim_device.plant.constants import VARIANTS
 from sim_device.plant.covariance import Covariance, plain, read_covariance, toml_lines
 from sim_device.plant.effects.registry import Resolved, resolve
-from sim_device.plant.errors import ModelError
+from sim_device.plant.errors import ModelError, ParameterError
 from sim_device.plant.law_file import laws_as_tables, laws_as_toml, laws_from_tables
 from sim_device.plant.laws import Law
 from sim_device.plant.parameters import BUILT_IN, ParameterSet, load_parameters
@@ -154,8 +154,12 @@ def read_model(path: str | Path) -> Model:
         if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
             raise ModelError(f"{path.name}: mounting.{name} is {value!r}, not a number")
     source = base if base in BUILT_IN else beside(path, base) or base
+    try:
+        parameters = load_parameters(source)
+    except ParameterError as error:
+        raise ParameterError(f"{path.name}: base", str(error)) from None
     model = Model(
-        load_parameters(source).replace(**overrides),
+        parameters.replace(**overrides),
         variant,
         resolve(effects),
         base,

@@ -171,10 +171,13 @@ def require_other_recordings(good: Sequence[RunFile], now: Sequence[RunFile]) ->
         same = next((i for i in range(k) if same_recording(runs[i].run, run.run)), None)
         if same is not None:
             path = runs[same].path
-            linked = run.path.resolve() == path.resolve()
+            what = f"{run.path} is the same recording as {path}"
+            if run.path == path:
+                what = f"{path} is given twice"
+            elif run.path.resolve() == path.resolve():
+                what += ": one is a link to the other"
             raise PairingError(
-                f"{run.path} is the same recording as {path}"
-                + (": one is a link to the other" if linked else ""),
+                what,
                 action="give runs of now that are not among the good ones"
                 if same < len(good) <= k
                 else "leave one out: a copy does not show how a bench varies",

@@ -78,13 +78,10 @@ class RunRows:
             rho=np.zeros(len(sd)) if rho is None else rho,
         )
 
-    def with_days(self, directions: Array, *, form: bool = False) -> RunRows:
-        """The same with further directions (k, bins, channels) at one standard deviation, and with
-        their form error if it is asked for.
-        """
+    def with_days(self, directions: Array) -> RunRows:
+        """The same with further directions (k, bins, channels) at one standard deviation."""
         return replace(
             self,
-            sd=with_day_form(self.sd, directions, np.ones(len(directions))) if form else self.sd,
             day=np.concatenate([self.day, directions]),
             day_sd=np.concatenate([self.day_sd, np.ones(len(directions))]),
         )

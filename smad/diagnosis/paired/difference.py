@@ -122,7 +122,7 @@ def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pai
     valid = now.valid & then.valid & now.covered[:, None]
     rows = rows_of(plant, good, then, valid, moved)
     away = distances(plant, change, rows, then.played.period_s)
-    rows = rows.with_days(directions(plant, good.point, again, predicted, away), form=True)
+    rows = rows.with_days(directions(plant, good.point, again, predicted, away))
     again = then.as_measured(plant, again)
     (predicted,) = predictions(plant, good.point, [again], exact=True)
     # In the surroundings of now, since a change may act differently there.

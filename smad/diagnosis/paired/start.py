@@ -4,7 +4,8 @@ A bench with a trouble need not come back to where a good one does: what its spr
 runs and strokes before is left out of every recording. If a run starts further from the good one
 than noise and days explain, starting there is one more direction in which days differ. One standard
 deviation of it is the distance measured, so that a rival which changes the reading instead of the
-start is not ruled out.
+start is not ruled out. Unlike other directions it has no form error: heat takes it away, so that a
+large one would hide for a whole run what lasts.
 """
 
 from __future__ import annotations

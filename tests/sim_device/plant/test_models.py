@@ -55,7 +55,7 @@ def test_a_base_beside_the_model_file_is_found(tmp_path):
         ({"effects": {"rtd_lag": 3}}, ModelError, "effects.rtd_lag"),
         ({"mounting": {"tilt": 1.0}}, ModelError, "mounting.tilt"),
         ({"mounting": {"side_resistance": "even"}}, ModelError, "'even', not a number"),
-        ({"base": "none.toml"}, ParameterError, "none.toml"),
+        ({"base": "none.toml"}, ParameterError, r"^model\.json: base: .*none\.toml"),
     ],
 )
 def test_a_wrong_model_file_is_refused_with_what_is_wrong(tmp_path, change, error, words):

@@ -83,6 +83,24 @@ def test_a_setup_gives_a_fresh_state_each_time(inputs):
         np.testing.assert_array_equal(values, after[name])
 
 
+@pytest.mark.parametrize("effect", [{}, {"unified_kinetics": {}}, {"cold_ends": {}}], ids=str)
+def test_a_pair_that_starts_elsewhere_rests_there_with_the_tension_of_its_mounting(effect):
+    away = -1.5e-3
+    still = Inputs(np.linspace(0, 5, 51), np.zeros((51, 2)), np.zeros((51, 2)), displacement_m=away)
+    out = simulate(P, still, effects=effect)
+    np.testing.assert_allclose(out["displacement_m"], away, rtol=1e-9)
+    np.testing.assert_allclose(out["true_force_N"], P["initial_force"], rtol=1e-9)
+    reach = P["max_deflection"]
+    assert out["xi_S_x"][0] - out["xi_S_y"][0] == pytest.approx(-2 * away / reach)
+
+
+def test_heat_takes_away_where_a_pair_has_started(inputs, whole):
+    elsewhere = Inputs(inputs.t_s, inputs.i_A, inputs.pump_duty, displacement_m=2e-3)
+    off = simulate(P, elsewhere)["displacement_m"] - whole["displacement_m"]
+    assert off[0] == pytest.approx(2e-3)
+    assert abs(off[-1]) < 0.01 * off[0]
+
+
 def test_feeding_back_the_plants_own_current_and_temperature_changes_nothing(inputs, whole):
     current = np.column_stack([whole["true_i_x_A"], whole["true_i_y_A"]])
     fed = simulate(P, inputs, feeds={"i_A": current})

@@ -1,15 +1,22 @@
 """Pairs: with what has changed in the simulator, nothing is left of a check-up."""
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from smad.checkup.commission import commissioned
 from smad.checkup.programme import shipped
 from smad.diagnosis.paired.difference import pair_runs
 from smad.diagnosis.paired.good import least_sd
+from smad.diagnosis.paired.notes import notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.rivals.evidence import Evidence, without_drifts
 from smad.diagnosis.rivals.fit import replayed
 from smad.diagnosis.rivals.rival import free_model
+from smad.diagnosis.runs import GapRun
 
 from .short import PLANT, played
 
@@ -38,3 +45,54 @@ def test_other_parameters_in_other_water_leave_nothing_once_they_are_in_the_simu
     before, after = left
     assert before.max() > 100.0
     assert after.max() < 3.0
+
+
+def test_a_run_that_starts_elsewhere_leaves_nothing_once_starting_there_is_a_day() -> None:
+    good = [played(s, moved=STEADY, what=RUN) for s in (1, 2, 3)]
+    reference = commissioned(PLANT, [good])
+    plant, point = with_places(PLANT), ModelPoint({}, {})
+    now = played(10, moved=STEADY, what=RUN)
+    there = replace(now, starts={"displacement_mm": 1.5})
+    here, elsewhere = PLANT.simulate(point, now), PLANT.simulate(point, there)
+    moved = now.with_columns(
+        outputs={n: y + elsewhere[n] - here[n] for n, y in now.outputs.items()}
+    )
+
+    def left(run: GapRun, *, known: bool = True) -> float:
+        """Floors that are left in displacement."""
+        paired = pair_runs(plant, reference, [(run, RUN.name)])
+        (pair,) = paired.pairs
+        assert bool(pair.away) == ("elsewhere" in " ".join(notes_of(paired)))
+        trial = pair.trial
+        if pair.away and not known:
+            rows = replace(trial.rows, day=trial.rows.day[:-1], day_sd=trial.rows.day_sd[:-1])
+            trial = replace(trial, rows=rows)
+        evidence = Evidence(trials=(trial,), least_square=0.0)
+        predicted = replayed(
+            evidence, reference.point, free_model(plant, reference.point), exact=True
+        )
+        assert predicted is not None
+        rows_left = without_drifts(evidence, evidence.residual(predicted))
+        channel = [c.name for c in plant.channels].index("displacement_mm")
+        return float(np.sqrt(evidence.variances(rows_left)[channel]))
+
+    assert left(now) < 1.5
+    assert left(moved) < 1.5
+    assert left(moved, known=False) > 2.0 * left(moved)
+
+
+def test_a_start_counts_as_another_where_neither_noise_nor_days_explain_it() -> None:
+    reference = commissioned(PLANT, [[played(s, what=RUN) for s in (1, 2)]])
+    plant = with_places(PLANT)
+    now = played(10, what=RUN)
+
+    def away(shift_mm: float) -> Mapping[str, float]:
+        shifted = {"displacement_mm": now.outputs["displacement_mm"] + shift_mm}
+        run = now.with_columns(outputs=shifted)
+        (pair,) = pair_runs(plant, reference, [(run, RUN.name)]).pairs
+        return pair.away
+
+    assert away(0.0) == {}
+    assert away(0.01) == {}
+    assert away(1.0)["displacement_mm"] == pytest.approx(1.0, abs=0.1)
+    assert away(-1.0)["displacement_mm"] == pytest.approx(-1.0, abs=0.1)

@@ -167,7 +167,7 @@ def test_good_runs_and_those_of_another_bench_are_no_runs_of_now(
     write_log(elsewhere / "short.mcap", played(1), "board-2")
     checkup = ["gap", "checkup", "--baseline", str(folder), "--now"]
     assert execute([*checkup, str(folder / "good-2")]) != 0
-    assert "is the same recording as" in capsys.readouterr().err
+    assert "is given twice" in capsys.readouterr().err
     assert execute([*checkup, str(elsewhere)]) != 0
     assert "runs of two benches are mixed" in capsys.readouterr().err
 
