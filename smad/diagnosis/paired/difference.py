@@ -118,15 +118,14 @@ def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pai
     again = _again(then, run, other, around, start)
     (predicted,) = predictions(plant, good.point, [again], exact=True)
     moved = np.where(np.isfinite(predicted) & now.covered[:, None], predicted - then.base, 0.0)
-    change = now.values - then.mean - moved
     valid = now.valid & then.valid & now.covered[:, None]
     rows = rows_of(plant, good, then, valid, moved)
-    away = distances(plant, change, rows, then.played.period_s)
+    away = distances(plant, now.values - then.mean - moved, rows, then.played.period_s)
     rows = rows.with_days(directions(plant, good.point, again, predicted, away))
     again = then.as_measured(plant, again)
     (predicted,) = predictions(plant, good.point, [again], exact=True)
     # In the surroundings of now, since a change may act differently there.
-    target = predicted + change
+    target = predicted + (now.values - then.mean) - moved
     if not good.floor.degrees:
         # Without repeats nothing has shown how far the room drifts.
         rows = rows.with_days(drift_directions(plant, good.point, again))
