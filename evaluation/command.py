@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,9 @@ from smad.errors import SmadError
 
 if TYPE_CHECKING:
     _Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+PROGRAMME = Path(str(files("smad.checkup") / "data" / "spring-pair"))
+"""That of the product."""
 
 
 def _make(options: argparse.Namespace) -> None:
@@ -231,7 +235,7 @@ def _of_any_inputs(command: argparse.ArgumentParser, changed: int, differs: int)
 def _of_check_ups(
     command: argparse.ArgumentParser, cases: int, benches: int, *, once: bool = True
 ) -> None:
-    command.add_argument("--programme", type=Path, required=True, help="folder of the programme")
+    command.add_argument("--programme", type=Path, default=PROGRAMME, help="its folder, if another")
     command.add_argument("--cases", type=int, default=cases)
     command.add_argument("--benches", type=int, default=benches)
     command.add_argument("--repeats", type=int, default=2, help="good repeats of each bench")
