@@ -152,9 +152,12 @@ def mounting(
     to be stretched starts without load. `temperature_K` is that of wire and water; by default the
     water's inlet temperature, or the ambient one in air. Give none far above A_S + τ/C_A: such a
     start stays martensite until it has been cold once. A pair that starts at a `displacement_m` has
-    one spring detwinned more by it, the other less, under the same tension.
+    one spring detwinned more by it, the other less, under the same tension; further than that
+    goes it does not start.
     """
     inlet, air = parameters["water_temperature"], parameters["ambient_temperature"]
+    detwinned, reach = initial_detwinned(parameters), parameters["max_deflection"]
+    farthest = reach * min(detwinned, 1.0 - detwinned)
     if temperature_K is None:
         temperature_K = air if cooling == "air" else inlet
     return {
@@ -162,9 +165,9 @@ def mounting(
         "T_inlet": inlet,
         "T_air": air,
         "tension": parameters["initial_force"],
-        "xi_S": initial_detwinned(parameters),
+        "xi_S": detwinned,
         "deflection": parameters["initial_deflection"],
-        "displacement": displacement_m,
+        "displacement": min(max(displacement_m, -farthest), farthest),
         "loads_x": float(fixture != "stretch"),
         "loads_y": float(fixture == "antagonistic"),
     }

@@ -28,7 +28,7 @@ from smad.diagnosis.rivals.changes import Changes, values_asked
 from smad.diagnosis.runs import GapRun
 from smad.files import named_output
 
-SCHEMA = 12
+SCHEMA = 13
 """Raised when arrays change their meaning: earlier baselines are then computed again."""
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")
@@ -53,6 +53,7 @@ class _RunFile(msgspec.Struct, frozen=True):
     bins: int
     start_s: float
     around: dict[str, float]
+    starts: dict[str, float]
 
 
 class About(msgspec.Struct, frozen=True, kw_only=True):
@@ -103,7 +104,10 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
         degrees=r.floor.degrees,
         theta=dict(r.point.theta),
         effects={k: dict(v) for k, v in r.point.effects.items()},
-        runs=[_RunFile(x.name, x.played.bins, x.played.start_s, x.around) for x in r.runs],
+        runs=[
+            _RunFile(x.name, x.played.bins, x.played.start_s, x.around, dict(x.played.run.starts))
+            for x in r.runs
+        ],
     )
     arrays = {f"floor.{n}": getattr(r.floor, n) for n in _FLOOR}
     for k, x in enumerate(r.runs):
@@ -229,7 +233,8 @@ def _require_fitting(about: About, plant: PlantModel, arrays: Mapping[str, np.nd
 def _run(k: int, x: _RunFile, arrays: Mapping[str, np.ndarray], plant: PlantModel) -> GoodRun:
     t_s, prefix = arrays[f"{k}.t_s"], f"{k}.input."
     inputs = {name.removeprefix(prefix): v for name, v in arrays.items() if name.startswith(prefix)}
-    whole = GapRun(x.name, t_s, inputs, {c: np.full(len(t_s), v) for c, v in x.around.items()})
+    levels = {c: np.full(len(t_s), v) for c, v in x.around.items()}
+    whole = GapRun(x.name, t_s, inputs, levels, starts=x.starts)
     return GoodRun(
         name=x.name,
         played=Played.of(whole, plant.inputs, x.start_s),

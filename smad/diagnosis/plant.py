@@ -197,15 +197,16 @@ class Traits:
     `day`: parameters that vary, with their usual standard deviation as a share of the prior's.
     `environment`: parameter -> channel that measures it at the start of a run; the model carries
     its difference over. `drift`: places that drift within a run, with the usual size in the unit of
-    the place. `starts`: channels at other values of which a run may start, and a replay with it.
-    `shortest_s`: least duration of a run. `longest_step_s`: longest sample interval.
-    `together`: number of replays that are worth running at once, in threads.
+    the place. `starts`: channels that may start elsewhere, in a replay as in a run, and from which
+    value to which; a smaller one parameters explain, a larger one is of the reading. `shortest_s`:
+    least duration of a run. `longest_step_s`: longest sample interval. `together`: number of
+    replays that are worth running at once, in threads.
     """
 
     day: Mapping[str, float] = field(default_factory=dict)
     environment: Mapping[str, str] = field(default_factory=dict)
     drift: Mapping[str, float] = field(default_factory=dict)
-    starts: tuple[str, ...] = ()
+    starts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     shortest_s: float = 8.0
     longest_step_s: float = math.inf
     together: int = 1

@@ -62,7 +62,7 @@ def rest_spring(
     T = mount.T_start
     force = loaded * mount.tension
     tau = p.C1 * force
-    detwinned = clip01(loaded * (mount.xi_S + longer / p.delta_L))
+    detwinned = loaded * (mount.xi_S + longer / p.delta_L)
     s.T_wire = T
     s.T_water = T
     s.T_wall = T

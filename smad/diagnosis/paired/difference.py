@@ -162,7 +162,8 @@ def _again(
     """The good run in the surroundings `around`, with the inputs of `run` if they differ."""
     source = run if other else then.played.whole
     levels = {c: np.full(len(source.t_s), around.get(c, value)) for c, value in then.around.items()}
-    again = GapRun(run.name, source.t_s, source.inputs, levels)
+    starts = then.played.run.starts
+    again = GapRun(run.name, source.t_s, source.inputs, levels, starts=starts)
     begin_s = start_s if other else then.played.start_s
     played = Played.of(again, then.played.inputs, begin_s, then.played.period_s)
     return replace(played, bins=then.played.bins)

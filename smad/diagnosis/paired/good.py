@@ -13,6 +13,7 @@ from smad.diagnosis.data.played import Played, predictions, slopes
 from smad.diagnosis.data.rows import Binned, bin_numbers, binned, offset_s, require_like_inputs
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.paired.floor import Deviation, Floor, repeat_floor
+from smad.diagnosis.paired.start import usual_start
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import (
@@ -330,7 +331,7 @@ def _on_one_grid(plant: PlantModel, group: Sequence[GapRun], period_s: float) ->
     shared = set.intersection(*(set(a) for a in around))
     middle = {n: float(np.mean([a[n] for a in around])) for n in sorted(shared)}
     levels = {c: np.full(len(first.t_s), v) for c, v in middle.items()}
-    whole = GapRun(first.name, first.t_s, first.inputs, levels)
+    whole = GapRun(first.name, first.t_s, first.inputs, levels, starts=usual_start(plant, group))
     played = Played.of(whole, plant.inputs, start_s, period_s)
     repeats = [binned(r, played.bins, plant, start_s + offset_s(r, first), period_s) for r in group]
     reference = binned(first, played.bins, plant, start_s, period_s)

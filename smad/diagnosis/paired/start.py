@@ -1,4 +1,4 @@
-"""Runs that start elsewhere than the good run which they repeat.
+"""Where runs start: good ones elsewhere than the bench was mounted, others elsewhere than those.
 
 A bench with a trouble need not come back to where a good one does: what its springs keep of the
 runs and strokes before is left out of every recording. If a run starts further from the good one
@@ -10,13 +10,14 @@ large one would hide for a whole run what lasts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.plant import Array, ModelPoint, PlantModel, traits_of
+from smad.diagnosis.runs import GapRun
 
 _START_S = 1.0
 _ELSEWHERE = 3.0
@@ -44,6 +45,20 @@ def distances(plant: PlantModel, change: Array, rows: RunRows, period_s: float) 
     return out
 
 
+def usual_start(plant: PlantModel, repeats: Sequence[GapRun]) -> dict[str, float]:
+    """By channel where good repeats of a run start on average, if that is not where the plant does.
+
+    After strokes that bring a bench to the same rest each time this is elsewhere than it was
+    mounted.
+    """
+    out = {}
+    for name, (least, most) in traits_of(plant).starts.items():
+        found = [start[name] for run in repeats if (start := run.at_start([name]))]
+        if found and least < abs(mean := float(np.mean(found))) < most:
+            out[name] = mean
+    return out
+
+
 def directions(
     plant: PlantModel,
     point: ModelPoint,
@@ -55,6 +70,10 @@ def directions(
 
     `predicted` is the prediction of `again`. A start that the model cannot run from is left out.
     """
-    starts = [again.starting({name: distance}) for name, distance in away.items()]
+    usual = again.run.starts
+    starts = [
+        again.starting({**usual, name: usual.get(name, 0.0) + distance})
+        for name, distance in away.items()
+    ]
     moved = np.array(predictions(plant, point, starts, exact=True)).reshape(-1, *predicted.shape)
     return np.asarray(moved - predicted)[np.isfinite(moved).all(axis=(1, 2))]

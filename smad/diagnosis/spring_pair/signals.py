@@ -78,11 +78,12 @@ TRAITS = Traits(
     },
     environment={"water_temperature": "rtd_inlet_degC", "ambient_temperature": "rtd_ambient_degC"},
     drift={"inlet_water": 0.2, "ambient_air": 0.2},
-    starts=("displacement_mm",),
+    starts={"displacement_mm": (0.45, 3.5)},
     longest_step_s=LONGEST_STEP_S,
 )
-"""Loss, flow, film, temperatures beyond what is measured, and where a run starts from. Water and
-room wander within a run."""
+"""Loss, flow, film, temperatures beyond what is measured, and where a run starts from: beyond three
+prior deviations of the encoder's zero, and as far as springs that are all martensite can stand.
+Water and room wander within a run."""
 _RATE_TAU_S = 0.3
 
 

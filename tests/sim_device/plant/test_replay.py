@@ -94,6 +94,14 @@ def test_a_pair_that_starts_elsewhere_rests_there_with_the_tension_of_its_mounti
     assert out["xi_S_x"][0] - out["xi_S_y"][0] == pytest.approx(-2 * away / reach)
 
 
+def test_a_pair_starts_no_further_away_than_its_springs_can_stand_when_all_is_martensite():
+    still = Inputs(np.linspace(0, 5, 51), np.zeros((51, 2)), np.zeros((51, 2)), displacement_m=0.1)
+    out = simulate(P, still)
+    assert 3.5e-3 < out["displacement_m"][0] < 5e-3
+    assert out["xi_S_x"][0] == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose(out["displacement_m"], out["displacement_m"][0], rtol=1e-9)
+
+
 def test_heat_takes_away_where_a_pair_has_started(inputs, whole):
     elsewhere = Inputs(inputs.t_s, inputs.i_A, inputs.pump_duty, displacement_m=2e-3)
     off = simulate(P, elsewhere)["displacement_m"] - whole["displacement_m"]
