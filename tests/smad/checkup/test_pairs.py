@@ -2,15 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from smad.checkup.commission import commissioned
 from smad.checkup.programme import shipped
+from smad.checkup.store import Baseline, load, save
 from smad.diagnosis.paired.difference import pair_runs
 from smad.diagnosis.paired.good import least_sd
 from smad.diagnosis.paired.notes import notes_of
+from smad.diagnosis.paired.start import usual_start
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.rivals.evidence import Evidence, without_drifts
@@ -25,6 +28,13 @@ MOVED = {"stress_start": 1.05, "stress_finish": 1.03, "flow_max": 0.97, "resisti
 """Parameters with what they are multiplied by; displacement changes by millimetres."""
 STEADY = dict.fromkeys(("tube_loss", "flow_max", "film_scale"), 1.0)
 """No day is like another in these, but here."""
+
+
+def starting_at(run: GapRun, away_mm: float) -> GapRun:
+    """The run as it would be if the bench had started so far away."""
+    point, there = ModelPoint({}, {}), replace(run, starts={"displacement_mm": away_mm})
+    here, elsewhere = PLANT.simulate(point, run), PLANT.simulate(point, there)
+    return run.with_columns(outputs={n: y + elsewhere[n] - here[n] for n, y in run.outputs.items()})
 
 
 def test_other_parameters_in_other_water_leave_nothing_once_they_are_in_the_simulator() -> None:
@@ -50,13 +60,9 @@ def test_other_parameters_in_other_water_leave_nothing_once_they_are_in_the_simu
 def test_a_run_that_starts_elsewhere_leaves_nothing_once_starting_there_is_a_day() -> None:
     good = [played(s, moved=STEADY, what=RUN) for s in (1, 2, 3)]
     reference = commissioned(PLANT, [good])
-    plant, point = with_places(PLANT), ModelPoint({}, {})
+    plant = with_places(PLANT)
     now = played(10, moved=STEADY, what=RUN)
-    there = replace(now, starts={"displacement_mm": 1.5})
-    here, elsewhere = PLANT.simulate(point, now), PLANT.simulate(point, there)
-    moved = now.with_columns(
-        outputs={n: y + elsewhere[n] - here[n] for n, y in now.outputs.items()}
-    )
+    moved = starting_at(now, 1.5)
 
     def left(run: GapRun, *, known: bool = True) -> float:
         """Floors that are left in displacement."""
@@ -96,3 +102,32 @@ def test_a_start_counts_as_another_where_neither_noise_nor_days_explain_it() -> 
     assert away(0.01) == {}
     assert away(1.0)["displacement_mm"] == pytest.approx(1.0, abs=0.1)
     assert away(-1.0)["displacement_mm"] == pytest.approx(-1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("away_mm", "counts"), [(1.2, True), (-1.2, True), (0.2, False)])
+def test_good_runs_that_start_elsewhere_than_mounted_do_not_move_the_zero(
+    away_mm: float, counts: bool, tmp_path: Path
+) -> None:
+    good = [starting_at(played(s, what=RUN), away_mm) for s in (1, 2)]
+    reference = commissioned(PLANT, [good])
+    (run,) = reference.runs
+    channel = [c.name for c in PLANT.channels].index("displacement_mm")
+    off = np.where(run.valid, run.mean - run.base, 0.0)[:, channel]
+    starts = dict(run.played.run.starts)
+    assert list(starts) == (["displacement_mm"] if counts else [])
+    if counts:
+        assert starts["displacement_mm"] == pytest.approx(away_mm, abs=0.05)
+        assert abs(reference.point.theta.get("displacement_zero", 0.0)) < 0.1
+        assert np.sqrt((off**2).mean()) < 0.05
+    save(Baseline("bench", "programme", reference), PLANT, tmp_path)
+    (kept,) = load(tmp_path, PLANT).reference.runs
+    assert kept.played.run.starts == starts
+
+
+def test_a_reading_further_off_than_springs_can_stand_is_of_the_reading() -> None:
+    runs = [played(s, what=RUN) for s in (1, 2)]
+    far = [
+        r.with_columns(outputs={"displacement_mm": r.outputs["displacement_mm"] + 20.0})
+        for r in runs
+    ]
+    assert usual_start(PLANT, far) == {}
