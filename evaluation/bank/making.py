@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass, replace
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -101,7 +102,7 @@ def made(
     """
     missing = [n for n in work if not (order.parts / f"{n}.json").exists()]
     running: dict[Future[Any], str] = {}
-    with ProcessPoolExecutor(order.jobs, None, end_with, (os.getpid(),)) as pool:
+    with ProcessPoolExecutor(order.jobs, get_context("fork"), end_with, (os.getpid(),)) as pool:
         while missing or running:
             while missing and len(running) < order.jobs and time.monotonic() < until:
                 name = missing.pop(0)

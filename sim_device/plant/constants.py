@@ -138,6 +138,16 @@ def water_heat_capacity() -> float:
     return float(water.rho[0] * water.cp[0])
 
 
+def within_reach(parameters: ParameterSet, displacement_m: float) -> float:
+    """The displacement, cut to what a pair can stand at that is all martensite under its tension.
+
+    There one spring is fully detwinned, or the other not at all.
+    """
+    detwinned = initial_detwinned(parameters)
+    farthest_m = parameters["max_deflection"] * min(detwinned, 1.0 - detwinned)
+    return min(max(displacement_m, -farthest_m), farthest_m)
+
+
 def mounting(
     parameters: ParameterSet,
     *,
@@ -152,12 +162,9 @@ def mounting(
     to be stretched starts without load. `temperature_K` is that of wire and water; by default the
     water's inlet temperature, or the ambient one in air. Give none far above A_S + τ/C_A: such a
     start stays martensite until it has been cold once. A pair that starts at a `displacement_m` has
-    one spring detwinned more by it, the other less, under the same tension; further than that
-    goes it does not start.
+    one spring detwinned more by it, the other less, under the same tension.
     """
     inlet, air = parameters["water_temperature"], parameters["ambient_temperature"]
-    detwinned, reach = initial_detwinned(parameters), parameters["max_deflection"]
-    farthest = reach * min(detwinned, 1.0 - detwinned)
     if temperature_K is None:
         temperature_K = air if cooling == "air" else inlet
     return {
@@ -165,9 +172,9 @@ def mounting(
         "T_inlet": inlet,
         "T_air": air,
         "tension": parameters["initial_force"],
-        "xi_S": detwinned,
+        "xi_S": initial_detwinned(parameters),
         "deflection": parameters["initial_deflection"],
-        "displacement": min(max(displacement_m, -farthest), farthest),
+        "displacement": displacement_m,
         "loads_x": float(fixture != "stretch"),
         "loads_y": float(fixture == "antagonistic"),
     }

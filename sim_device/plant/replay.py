@@ -107,8 +107,8 @@ class Inputs:
     t_s (n,), increasing. i_A (n, 2): currents that the driver was given. pump_duty (n, 2), 0 to 1.
     drain (n, 2), 0 or 1. stage_m (n,). inlet_K, ambient_K (n,), or one for all: temperatures of
     water and air; left out, the parameter set's. displacement_m: that at which an antagonistic pair
-    starts. Row k is in force over the interval that ends at t_s[k], as a board reports what it
-    applies together with what it measures.
+    starts, cut to what its springs can stand at. Row k is in force over the interval that ends at
+    t_s[k], as a board reports what it applies together with what it measures.
     """
 
     t_s: Array
@@ -132,6 +132,7 @@ class Inputs:
             raise InputError(
                 f"t_s does not increase at sample {row + 1}: {time[row + 1]} s after {time[row]} s"
             )
+        _checked("displacement_m", [self.displacement_m], (1,), -1.0, 1.0)
         rows = np.zeros((n, 7))
         rows[:, 0:2] = _checked("i_A", self.i_A, (n, 2), 0.0, math.inf)
         rows[:, 2:4] = _checked("pump_duty", self.pump_duty, (n, 2), 0.0, 1.0)

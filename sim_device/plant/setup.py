@@ -10,7 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_device.plant import kernel as k
-from sim_device.plant.constants import apply_warming, kernel_constants, mounting
+from sim_device.plant.constants import (
+    apply_warming,
+    kernel_constants,
+    mounting,
+    within_reach,
+)
 from sim_device.plant.effects.registry import (
     EffectValues,
     Resolved,
@@ -18,6 +23,7 @@ from sim_device.plant.effects.registry import (
     effect_terms,
     resolve,
 )
+from sim_device.plant.errors import InputError
 from sim_device.plant.laws import Law, law_table
 from sim_device.plant.parameters import ParameterSet
 from sim_device.plant.places import check_place_needs
@@ -114,6 +120,8 @@ class Setup:
 
     def state(self, temperature_K: float | None = None, displacement_m: float = 0.0) -> Any:
         """A fresh state at rest, an array of one record, sensors included."""
+        if displacement_m and self.fixture != "antagonistic":
+            raise InputError(f"displacement_m = {displacement_m} needs the antagonistic pair")
         start = temperature_K, displacement_m
         state = self.latest_rest.get(start)
         if state is None:
@@ -123,7 +131,7 @@ class Setup:
                 fixture=self.fixture,
                 cooling=self.cooling,
                 temperature_K=temperature_K,
-                displacement_m=displacement_m,
+                displacement_m=within_reach(self.parameters, displacement_m),
             )
             k.rest(state, self.model, k.filled(k.Mounting, mount), self.ring())
             # Replays of one run after another begin alike.

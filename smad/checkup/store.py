@@ -53,7 +53,7 @@ class _RunFile(msgspec.Struct, frozen=True):
     bins: int
     start_s: float
     around: dict[str, float]
-    starts: dict[str, float]
+    starts: dict[str, float] = {}
 
 
 class About(msgspec.Struct, frozen=True, kw_only=True):

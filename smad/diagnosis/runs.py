@@ -31,7 +31,8 @@ class GapRun:
     `trusted` run is not refused for what the nominal model thinks of it. `written` says how a
     column stands in its file, where it was converted. `offsets` are series of times and values by
     channel, in its unit: a plant adds them to its signals before its sensors, if it can. `starts`
-    says by channel how far from its usual rest the bench starts, for a plant that can start there.
+    says by channel where the bench starts, if not as it was mounted; a plant starts there, if it
+    can.
     """
 
     name: str

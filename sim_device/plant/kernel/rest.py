@@ -93,6 +93,8 @@ def rest(
     rest_spring(state.x, mount.loads_x, -mount.displacement, mount, model.p, model.x)
     rest_spring(state.y, mount.loads_y, mount.displacement, mount, model.p, model.y)
     state.shared.displacement = mount.displacement
+    state.shared.slip_from = mount.displacement
+    state.shared.play = mount.displacement
     state.shared.tension = state.x.tension
     wake_sensors(state, model, ring)
     state.shared.samples = 0.0

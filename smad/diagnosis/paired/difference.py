@@ -120,7 +120,8 @@ def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pai
     moved = np.where(np.isfinite(predicted) & now.covered[:, None], predicted - then.base, 0.0)
     valid = now.valid & then.valid & now.covered[:, None]
     rows = rows_of(plant, good, then, valid, moved)
-    away = distances(plant, now.values - then.mean - moved, rows, then.played.period_s)
+    change = now.values - then.mean - moved
+    away = distances(plant, then.played.run.starts, change, rows, then.played.period_s)
     rows = rows.with_days(directions(plant, good.point, again, predicted, away))
     again = then.as_measured(plant, again)
     (predicted,) = predictions(plant, good.point, [again], exact=True)

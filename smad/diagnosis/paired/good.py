@@ -13,7 +13,7 @@ from smad.diagnosis.data.played import Played, predictions, slopes
 from smad.diagnosis.data.rows import Binned, bin_numbers, binned, offset_s, require_like_inputs
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.paired.floor import Deviation, Floor, repeat_floor
-from smad.diagnosis.paired.start import usual_start
+from smad.diagnosis.paired.start import usual_starts
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import (
@@ -185,7 +185,11 @@ def good_runs(
     Their model has what they show of `effects`. Raises PairingError when the recordings of a group
     do not have the same inputs.
     """
-    repeated = [_on_one_grid(plant, group, period_s) for group in groups]
+    starts = usual_starts(plant, groups)
+    repeated = [
+        _on_one_grid(plant, group, period_s, start)
+        for group, start in zip(groups, starts, strict=True)
+    ]
     recordings = [run for group in groups for run in group]
     noise = row_noise(recordings, plant, period_s)
     floors = np.hypot(noise, resolution(recordings, plant))
@@ -323,15 +327,17 @@ def _longest(group: Sequence[GapRun]) -> GapRun:
     return next(run for run in group if run.duration_s > longest_s - PERIOD_S)
 
 
-def _on_one_grid(plant: PlantModel, group: Sequence[GapRun], period_s: float) -> _Repeats:
-    """The recordings of a group in rows of `period_s`."""
+def _on_one_grid(
+    plant: PlantModel, group: Sequence[GapRun], period_s: float, starts: Mapping[str, float]
+) -> _Repeats:
+    """The recordings of a group in rows of `period_s`, and where they start."""
     first = _longest(group)
     start_s = first.begins_s
     around = [r.at_start(traits_of(plant).environment.values()) for r in group]
     shared = set.intersection(*(set(a) for a in around))
     middle = {n: float(np.mean([a[n] for a in around])) for n in sorted(shared)}
     levels = {c: np.full(len(first.t_s), v) for c, v in middle.items()}
-    whole = GapRun(first.name, first.t_s, first.inputs, levels, starts=usual_start(plant, group))
+    whole = GapRun(first.name, first.t_s, first.inputs, levels, starts=starts)
     played = Played.of(whole, plant.inputs, start_s, period_s)
     repeats = [binned(r, played.bins, plant, start_s + offset_s(r, first), period_s) for r in group]
     reference = binned(first, played.bins, plant, start_s, period_s)

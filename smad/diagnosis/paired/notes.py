@@ -41,9 +41,12 @@ def notes_of(paired: PairedRuns) -> list[str]:
     if warm:
         out.append("carried over by the model: " + ", ".join(warm))
     unit = {channel.name: channel.unit for channel in paired.plant.channels}
-    away = [f"{c} {d:+.2g} {unit[c]} in {p.name}" for p in paired.pairs for c, d in p.away.items()]
-    if away:
-        out.append("started elsewhere than the good runs: " + ", ".join(away))
+    out += [
+        f"{p.name} began elsewhere than its good run ({channel} {distance:+.2g} {unit[channel]}), "
+        "as runs before may have left it: that counts as a difference between days"
+        for p in paired.pairs
+        for channel, distance in p.away.items()
+    ]
     return out
 
 

@@ -24,15 +24,46 @@ _ELSEWHERE = 3.0
 """Standard deviations from which a start counts as another."""
 
 
-def distances(plant: PlantModel, change: Array, rows: RunRows, period_s: float) -> dict[str, float]:
+def usual_starts(plant: PlantModel, groups: Sequence[Sequence[GapRun]]) -> list[dict[str, float]]:
+    """For each group of good repeats where they start on average, by channel.
+
+    A channel is left out of all if that is on average where the bench was mounted, within what
+    parameters explain: the zero of a reading is one for all runs. So it is if one of them starts
+    where no bench can.
+    """
+    out: list[dict[str, float]] = [{} for _ in groups]
+    for name, (least, most) in traits_of(plant).starts.items():
+        means = [_mean_start(group, name) for group in groups]
+        known = [mean for mean in means if mean is not None]
+        if not known or max(map(abs, known)) >= most or abs(np.mean(known)) <= least:
+            continue
+        for start, mean in zip(out, means, strict=True):
+            start[name] = float(np.mean(known)) if mean is None else mean
+    return out
+
+
+def _mean_start(repeats: Sequence[GapRun], name: str) -> float | None:
+    """Mean of a channel at the start of repeats; None where none has a reading there."""
+    found: list[float] = []
+    for run in repeats:
+        if name in run.outputs:
+            shown = {name: np.where(run.good, run.outputs[name], np.nan)}
+            found += run.with_columns(outputs=shown).at_start([name]).values()
+    return float(np.mean(found)) if found else None
+
+
+def distances(
+    plant: PlantModel, usual: Mapping[str, float], change: Array, rows: RunRows, period_s: float
+) -> dict[str, float]:
     """By channel how far from the good run a run starts, where that is further than days explain.
 
-    `change` (bins, channels) is now − then, less what the model carries over.
+    `usual` is where the good run starts, `change` (bins, channels) is now − then, less what the
+    model carries over. A reading where no bench can start is none of a start.
     """
     out = {}
     first = slice(max(round(_START_S / period_s), 1))
     names = [channel.name for channel in plant.channels]
-    for name in traits_of(plant).starts:
+    for name, (_, most) in traits_of(plant).starts.items():
         c = names.index(name)
         seen = rows.valid[first, c]
         if not seen.any():
@@ -40,22 +71,9 @@ def distances(plant: PlantModel, change: Array, rows: RunRows, period_s: float) 
         away = float(change[first, c][seen].mean())
         noise = float(rows.sd[first, c][seen].mean())
         days = rows.day_sd * rows.day[:, first, c][:, seen].mean(axis=1)
-        if abs(away) > _ELSEWHERE * np.hypot(noise, np.linalg.norm(days)):
+        further = abs(away) > _ELSEWHERE * np.hypot(noise, np.linalg.norm(days))
+        if further and abs(usual.get(name, 0.0) + away) < most:
             out[name] = away
-    return out
-
-
-def usual_start(plant: PlantModel, repeats: Sequence[GapRun]) -> dict[str, float]:
-    """By channel where good repeats of a run start on average, if that is not where the plant does.
-
-    After strokes that bring a bench to the same rest each time this is elsewhere than it was
-    mounted.
-    """
-    out = {}
-    for name, (least, most) in traits_of(plant).starts.items():
-        found = [start[name] for run in repeats if (start := run.at_start([name]))]
-        if found and least < abs(mean := float(np.mean(found))) < most:
-            out[name] = mean
     return out
 
 
@@ -68,7 +86,7 @@ def directions(
 ) -> Array:
     """What starting so far `away` by channel does to a run, (directions, bins, channels).
 
-    `predicted` is the prediction of `again`. A start that the model cannot run from is left out.
+    `predicted` is the prediction of `again`. It is 0 where the model cannot start.
     """
     usual = again.run.starts
     starts = [
@@ -76,4 +94,4 @@ def directions(
         for name, distance in away.items()
     ]
     moved = np.array(predictions(plant, point, starts, exact=True)).reshape(-1, *predicted.shape)
-    return np.asarray(moved - predicted)[np.isfinite(moved).all(axis=(1, 2))]
+    return np.where(np.isfinite(moved).all(axis=(1, 2), keepdims=True), moved - predicted, 0.0)

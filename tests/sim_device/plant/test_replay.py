@@ -83,7 +83,17 @@ def test_a_setup_gives_a_fresh_state_each_time(inputs):
         np.testing.assert_array_equal(values, after[name])
 
 
-@pytest.mark.parametrize("effect", [{}, {"unified_kinetics": {}}, {"cold_ends": {}}], ids=str)
+@pytest.mark.parametrize(
+    "effect",
+    [
+        {},
+        {"unified_kinetics": {}},
+        {"cold_ends": {}},
+        {"encoder_slip": {}},
+        {"encoder_backlash": {}},
+    ],
+    ids=str,
+)
 def test_a_pair_that_starts_elsewhere_rests_there_with_the_tension_of_its_mounting(effect):
     away = -1.5e-3
     still = Inputs(np.linspace(0, 5, 51), np.zeros((51, 2)), np.zeros((51, 2)), displacement_m=away)
@@ -100,6 +110,12 @@ def test_a_pair_starts_no_further_away_than_its_springs_can_stand_when_all_is_ma
     assert 3.5e-3 < out["displacement_m"][0] < 5e-3
     assert out["xi_S_x"][0] == pytest.approx(0.0, abs=1e-9)
     np.testing.assert_allclose(out["displacement_m"], out["displacement_m"][0], rtol=1e-9)
+
+
+def test_a_start_needs_the_pair_and_a_number():
+    for options, away in (({"fixture": "blocked"}, 1e-3), ({}, np.nan)):
+        with pytest.raises(InputError, match="displacement_m"):
+            simulate(P, Inputs(np.zeros(1), *np.zeros((2, 1, 2)), displacement_m=away), **options)
 
 
 def test_heat_takes_away_where_a_pair_has_started(inputs, whole):

@@ -13,7 +13,7 @@ from smad.checkup.store import Baseline, load, save
 from smad.diagnosis.paired.difference import pair_runs
 from smad.diagnosis.paired.good import least_sd
 from smad.diagnosis.paired.notes import notes_of
-from smad.diagnosis.paired.start import usual_start
+from smad.diagnosis.paired.start import usual_starts
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.rivals.evidence import Evidence, without_drifts
@@ -130,4 +130,38 @@ def test_a_reading_further_off_than_springs_can_stand_is_of_the_reading() -> Non
         r.with_columns(outputs={"displacement_mm": r.outputs["displacement_mm"] + 20.0})
         for r in runs
     ]
-    assert usual_start(PLANT, far) == {}
+    assert usual_starts(PLANT, [far]) == [{}]
+    reference = commissioned(PLANT, [runs])
+    (pair,) = pair_runs(with_places(PLANT), reference, [(far[0], RUN.name)]).pairs
+    assert pair.away == {}
+
+
+def test_all_runs_of_a_bench_start_as_mounted_or_none_does() -> None:
+    def group(away_mm: float) -> list[GapRun]:
+        return [starting_at(played(1, what=RUN), away_mm)]
+
+    assert usual_starts(PLANT, [group(0.3), group(0.5)]) == [{}, {}]
+    one, other = usual_starts(PLANT, [group(0.3), group(0.8)])
+    assert one["displacement_mm"] == pytest.approx(0.3, abs=0.02)
+    assert other["displacement_mm"] == pytest.approx(0.8, abs=0.02)
+
+
+def test_samples_that_are_marked_bad_say_nothing_of_a_start() -> None:
+    run = played(1, what=RUN)
+    bad = run.t_s < run.t_s[0] + 0.9
+    shown = np.where(bad, 2.0, run.outputs["displacement_mm"])
+    marked = replace(run.with_columns(outputs={"displacement_mm": shown}), valid=~bad)
+    assert usual_starts(PLANT, [[marked]]) == [{}]
+
+
+def test_a_run_that_starts_elsewhere_than_good_runs_that_start_elsewhere_adds_to_it() -> None:
+    good = [starting_at(played(s, what=RUN), 1.0) for s in (1, 2)]
+    reference = commissioned(PLANT, [good])
+    now = starting_at(played(10, what=RUN), 1.8)
+    (pair,) = pair_runs(with_places(PLANT), reference, [(now, RUN.name)]).pairs
+    assert pair.away["displacement_mm"] == pytest.approx(0.8, abs=0.1)
+    (usual, mounted) = (
+        PLANT.simulate(reference.point, run)["displacement_mm"][0]
+        for run in (pair.trial.played.run, replace(pair.trial.played.run, starts={}))
+    )
+    assert usual - mounted == pytest.approx(1.0, abs=0.1)
