@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from smad.checkup.commission import commissioned
+from smad.checkup.judge import judge_runs
 from smad.checkup.programme import shipped
 from smad.checkup.store import Baseline, load, save
 from smad.diagnosis.paired.difference import pair_runs
@@ -20,6 +21,7 @@ from smad.diagnosis.rivals.evidence import Evidence, without_drifts
 from smad.diagnosis.rivals.fit import replayed
 from smad.diagnosis.rivals.rival import free_model
 from smad.diagnosis.runs import GapRun
+from smad.diagnosis.verdict import QUIET
 
 from .short import PLANT, played
 
@@ -165,3 +167,17 @@ def test_a_run_that_starts_elsewhere_than_good_runs_that_start_elsewhere_adds_to
         for run in (pair.trial.played.run, replace(pair.trial.played.run, starts={}))
     )
     assert usual - mounted == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_start_is_no_change_and_a_reading_that_stays_off_is_one() -> None:
+    reference = commissioned(PLANT, [[played(s, what=RUN) for s in (1, 2)]])
+    now = played(14, what=RUN)
+    shown = {"displacement_mm": now.outputs["displacement_mm"] + 0.8}
+    started, misread = (
+        judge_runs(PLANT, reference, [(run, RUN.name)]).verdict
+        for run in (starting_at(now, 0.8), now.with_columns(outputs=shown))
+    )
+    assert started.outcome == QUIET
+    assert misread.causes[0].place == "reading_displacement"
+    for verdict in (started, misread):
+        assert any("began elsewhere than its good run" in note for note in verdict.notes)
