@@ -1,6 +1,5 @@
 """What the makers of banks share: parts that are made once, a key that lies apart, its hash."""
 
-import os
 import secrets
 import shutil
 import sys
@@ -8,7 +7,6 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import asdict, dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,7 +18,6 @@ from evaluation.bank.recorder import Run
 from evaluation.errors import BankError
 from evaluation.plant.effects import BY_NAME, Active
 from evaluation.plant.layout import READINGS
-from smad.processes.parent import end_with
 
 Array = NDArray[np.float64]
 Entry = dict[str, Any]
@@ -102,7 +99,7 @@ def made(
     """
     missing = [n for n in work if not (order.parts / f"{n}.json").exists()]
     running: dict[Future[Any], str] = {}
-    with ProcessPoolExecutor(order.jobs, get_context("fork"), end_with, (os.getpid(),)) as pool:
+    with ProcessPoolExecutor(order.jobs) as pool:
         while missing or running:
             while missing and len(running) < order.jobs and time.monotonic() < until:
                 name = missing.pop(0)
