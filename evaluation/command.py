@@ -6,7 +6,6 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +13,11 @@ from evaluation.bank import any_inputs, check_ups
 from evaluation.bank.making import Order
 from evaluation.errors import WithheldError
 from evaluation.quiz import mystery
+from smad.checkup.programme import SHIPPED
 from smad.errors import SmadError
 
 if TYPE_CHECKING:
     _Commands = argparse._SubParsersAction[argparse.ArgumentParser]
-
-PROGRAMME = Path(str(files("smad.checkup") / "data" / "spring-pair"))
-"""That of the product."""
 
 
 def _make(options: argparse.Namespace) -> None:
@@ -235,7 +232,7 @@ def _of_any_inputs(command: argparse.ArgumentParser, changed: int, differs: int)
 def _of_check_ups(
     command: argparse.ArgumentParser, cases: int, benches: int, *, once: bool = True
 ) -> None:
-    command.add_argument("--programme", type=Path, default=PROGRAMME, help="its folder, if another")
+    command.add_argument("--programme", type=Path, default=SHIPPED, help="its folder, if another")
     command.add_argument("--cases", type=int, default=cases)
     command.add_argument("--benches", type=int, default=benches)
     command.add_argument("--repeats", type=int, default=2, help="good repeats of each bench")

@@ -24,6 +24,7 @@ from smad.diagnosis.runs import GapRun
 COLUMNS = ("t_s", "i_x_A", "i_y_A", "duty_x", "duty_y")
 INPUTS = ("i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y")
 _HIGHEST = (4.0, 4.0, 1.0, 1.0)
+SHIPPED = Path(str(files("smad.checkup") / "data" / "spring-pair"))
 LONGEST_S = 600.0
 _TICK_S = 0.01
 """A control step of a bench at 100 Hz."""
@@ -192,4 +193,4 @@ def chosen(folder: Path | None, *, quick: bool = False) -> Programme:
 
 def shipped() -> Programme:
     """The programme of the spring pair, as designed by `python -m evaluation design`."""
-    return read_programme(Path(str(files("smad.checkup") / "data" / "spring-pair")))
+    return read_programme(SHIPPED)

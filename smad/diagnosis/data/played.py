@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -73,11 +74,11 @@ class Played:
             period_s=period_s,
         )
 
-    def starting(self, starts: Mapping[str, float]) -> Played:
-        """The run from another start (see `GapRun`)."""
-        run = replace(self.run, starts=starts)
+    def with_fields(self, **fields: Any) -> Played:
+        """The same with these fields of `GapRun` replaced, in the run as it was recorded, too."""
+        run = replace(self.run, **fields)
         if run.whole is not None:
-            run = replace(run, whole=replace(run.whole, starts=starts))
+            run = replace(run, whole=replace(run.whole, **fields))
         return replace(self, run=run)
 
     def means(self, series: Array, *, exact: bool = False) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -76,10 +76,7 @@ class GoodRun:
             for c, (channel, good) in enumerate(zip(plant.channels, self.valid.T, strict=True))
             if good.any()
         }
-        run = replace(played.run, offsets=offsets)
-        if run.whole is not None:
-            run = replace(run, whole=replace(run.whole, offsets=offsets))
-        return replace(played, run=run)
+        return played.with_fields(offsets=offsets)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,16 +20,18 @@ from smad.diagnosis.plant import Array, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.runs import GapRun
 
 _START_S = 1.0
+"""What counts as the start of a run, as in `GapRun.at_start`."""
 _ELSEWHERE = 3.0
-"""Standard deviations from which a start counts as another."""
+"""Standard deviations of noise and days from which a start counts as another: 1 in 370 by chance.
+"""
 
 
 def usual_starts(plant: PlantModel, groups: Sequence[Sequence[GapRun]]) -> list[dict[str, float]]:
-    """For each group of good repeats where they start on average, by channel.
+    """For each group of good repeats the mean of each channel at their start.
 
-    A channel is left out of all if that is on average where the bench was mounted, within what
-    parameters explain: the zero of a reading is one for all runs. So it is if one of them starts
-    where no bench can.
+    A channel is left out of all groups if its mean over them is small enough for a parameter such
+    as the encoder's zero, which all runs share; and if one group reads more than a bench can start
+    at, since then the reading is off.
     """
     out: list[dict[str, float]] = [{} for _ in groups]
     for name, (least, most) in traits_of(plant).starts.items():
@@ -58,7 +60,7 @@ def distances(
     """By channel how far from the good run a run starts, where that is further than days explain.
 
     `usual` is where the good run starts, `change` (bins, channels) is now − then, less what the
-    model carries over. A reading where no bench can start is none of a start.
+    model carries over. More than a bench can start at is left out: then the reading is off.
     """
     out = {}
     first = slice(max(round(_START_S / period_s), 1))
@@ -90,7 +92,7 @@ def directions(
     """
     usual = again.run.starts
     starts = [
-        again.starting({**usual, name: usual.get(name, 0.0) + distance})
+        again.with_fields(starts={**usual, name: usual.get(name, 0.0) + distance})
         for name, distance in away.items()
     ]
     moved = np.array(predictions(plant, point, starts, exact=True)).reshape(-1, *predicted.shape)
