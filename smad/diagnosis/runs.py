@@ -31,8 +31,8 @@ class GapRun:
     `trusted` run is not refused for what the nominal model thinks of it. `written` says how a
     column stands in its file, where it was converted. `offsets` are series of times and values by
     channel, in its unit: a plant adds them to its signals before its sensors, if it can. `starts`
-    says by channel where the bench starts, if not as it was mounted; a plant starts there, if it
-    can.
+    says by channel what the bench reads at its start, if it is not as mounted; a plant starts
+    there, if it can.
     """
 
     name: str
@@ -163,10 +163,10 @@ class GapRun:
         return np.ones(len(self.t_s), dtype=bool) if self.valid is None else self.valid
 
     def at_start(self, channels: Iterable[str]) -> dict[str, float]:
-        """Median of each measured channel over the first second, by name."""
-        n = max(1, round(1.0 / max(self.dt_s, 1e-6)))
-        first_second = {c: self.outputs[c][:n] for c in channels if c in self.outputs}
-        finite = {c: v[np.isfinite(v)] for c, v in first_second.items()}
+        """Median of the valid samples of each measured channel in the first second, by name."""
+        good = self.good[: max(1, round(1.0 / max(self.dt_s, 1e-6)))]
+        seen = {c: self.outputs[c][: len(good)][good] for c in channels if c in self.outputs}
+        finite = {c: v[np.isfinite(v)] for c, v in seen.items()}
         return {c: float(np.median(v)) for c, v in finite.items() if len(v)}
 
     def with_columns(

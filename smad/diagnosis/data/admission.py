@@ -2,8 +2,9 @@
 
 The one place where recordings become runs of the diagnosis. In this order: values that are no
 readings are removed (`columns`), the run ends at its first hole, its length is checked, the plant
-must fulfil its contract (`contract`), and the nominal model is compared (`opinions`). Each result
-is a finding, which the JSON, the terminal and the page share.
+must fulfil its contract (`contract`), the nominal model is compared (`opinions`), and it is noted
+where the run starts (`starts`). Each result is a finding, which the JSON, the terminal and the page
+share.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,6 +29,7 @@ from smad.diagnosis.data.grid import LEAST_PERIODS, MOST_ROWS, row_length_s
 from smad.diagnosis.data.guards import without_repeats
 from smad.diagnosis.data.opinions import compare, used
 from smad.diagnosis.data.rows import MOSTLY, binned, steps_in_gaps
+from smad.diagnosis.data.starts import started
 from smad.diagnosis.plant import PlantModel, traits_of
 from smad.diagnosis.runs import GapRun, distinctly_named
 from smad.diagnosis.verdict import COLUMN_DOUBTED, Finding
@@ -80,7 +82,16 @@ def admit(
         if not _refused(of_run):
             admitted.append(run)
         findings += of_run
-    return RunSet(tuple(runs), tuple(admitted), tuple(findings))
+    replayed = tuple(started(plant, admitted))
+    unit = {channel.name: channel.unit for channel in plant.channels}
+    findings += [
+        Finding(
+            run.name, "start", f"replayed from {name} = {value:.2f} {unit[name]}", refuses=False
+        )
+        for run in replayed
+        for name, value in run.starts.items()
+    ]
+    return RunSet(tuple(runs), replayed, tuple(findings))
 
 
 def row_of_admitted_s(runs: Sequence[GapRun], plant: PlantModel) -> float:

@@ -11,9 +11,9 @@ from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.data.noise import resolution, row_noise
 from smad.diagnosis.data.played import Played, predictions, slopes
 from smad.diagnosis.data.rows import Binned, bin_numbers, binned, offset_s, require_like_inputs
+from smad.diagnosis.data.starts import usual_starts
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.paired.floor import Deviation, Floor, repeat_floor
-from smad.diagnosis.paired.start import usual_starts
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import (

@@ -1,57 +1,27 @@
-"""Where runs start: good ones elsewhere than the bench was mounted, others elsewhere than those.
+"""Runs that start elsewhere than their good run.
 
-A bench with a trouble need not come back to where a good one does: what its springs keep of the
-runs and strokes before is left out of every recording. If a run starts further from the good one
-than noise and days explain, starting there is one more direction in which days differ. One standard
-deviation of it is the distance measured, so that a rival which changes the reading instead of the
-start is not ruled out. Unlike other directions it has no form error: heat takes it away, so that a
-large one would hide for a whole run what lasts.
+A bench with a trouble need not come back to where a good one does. If a run starts further from
+the good one than noise and days explain, starting there is one more direction in which days differ.
+One standard deviation of it is the distance measured, so that a rival which changes the reading
+instead of the start is not ruled out. Unlike other directions it has no form error: heat takes it
+away, so that a large one would hide for a whole run what lasts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.plant import Array, ModelPoint, PlantModel, traits_of
-from smad.diagnosis.runs import GapRun
 
 _START_S = 1.0
 """What counts as the start of a run, as in `GapRun.at_start`."""
 _ELSEWHERE = 3.0
 """Standard deviations of noise and days from which a start counts as another: 1 in 370 by chance.
 """
-
-
-def usual_starts(plant: PlantModel, groups: Sequence[Sequence[GapRun]]) -> list[dict[str, float]]:
-    """For each group of good repeats the mean of each channel at their start.
-
-    A channel is left out of all groups if its mean over them is small enough for a parameter such
-    as the encoder's zero, which all runs share; and if one group reads more than a bench can start
-    at, since then the reading is off.
-    """
-    out: list[dict[str, float]] = [{} for _ in groups]
-    for name, (least, most) in traits_of(plant).starts.items():
-        means = [_mean_start(group, name) for group in groups]
-        known = [mean for mean in means if mean is not None]
-        if not known or max(map(abs, known)) >= most or abs(np.mean(known)) <= least:
-            continue
-        for start, mean in zip(out, means, strict=True):
-            start[name] = float(np.mean(known)) if mean is None else mean
-    return out
-
-
-def _mean_start(repeats: Sequence[GapRun], name: str) -> float | None:
-    """Mean of a channel at the start of repeats; None where none has a reading there."""
-    found: list[float] = []
-    for run in repeats:
-        if name in run.outputs:
-            shown = {name: np.where(run.good, run.outputs[name], np.nan)}
-            found += run.with_columns(outputs=shown).at_start([name]).values()
-    return float(np.mean(found)) if found else None
 
 
 def distances(

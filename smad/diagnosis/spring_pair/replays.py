@@ -75,12 +75,14 @@ class GivenRun:
     def inputs(self, point: GivenPoint, steps: Steps | None = None) -> Inputs:
         """Inputs of a replay, a row for each sample, or for each of the `steps`.
 
-        The pair starts where the run says, water and room where the run measured them at its start.
+        The pair starts where the encoder reads what the run says, or as mounted; water and room
+        start where the run measured them.
         The two temperatures of the parameter set then act as corrections of those measurements.
         """
         inputs = self.recorded if steps is None else steps.inputs
         inlet_K, ambient_K = (self._around(point, *pair) for pair in TRAITS.environment.items())
-        start_m = 1e-3 * self.run.starts.get("displacement_mm", 0.0)
+        reads_mm = self.run.starts.get("displacement_mm")
+        start_m = 0.0 if reads_mm is None else 1e-3 * (reads_mm - point.zero_mm)
         return inputs.surrounded(inlet_K, ambient_K, point.root["y"], start_m)
 
     def offsets(self, t_s: Array) -> dict[tuple[str, str], Array]:

@@ -1,6 +1,7 @@
 """A short programme on a simulated bench whose day and noise follow from a seed."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,3 +44,10 @@ def played(
         c.name: found[c.name] + c.noise * rng.normal(size=len(run.t_s)) for c in PLANT.channels
     }
     return GapRun(what.name, run.t_s + rng.uniform(0.0, 5.0), run.inputs, shown)
+
+
+def starting_at(run: GapRun, away_mm: float) -> GapRun:
+    """The run as it would be if the bench had started so far away."""
+    point, there = ModelPoint({}, {}), replace(run, starts={"displacement_mm": away_mm})
+    here, elsewhere = PLANT.simulate(point, run), PLANT.simulate(point, there)
+    return run.with_columns(outputs={n: y + elsewhere[n] - here[n] for n, y in run.outputs.items()})

@@ -11,10 +11,10 @@ from smad.checkup.commission import commissioned
 from smad.checkup.judge import judge_runs
 from smad.checkup.programme import shipped
 from smad.checkup.store import Baseline, load, save
+from smad.diagnosis.data.starts import usual_starts
 from smad.diagnosis.paired.difference import pair_runs
 from smad.diagnosis.paired.good import least_sd
 from smad.diagnosis.paired.notes import notes_of
-from smad.diagnosis.paired.start import usual_starts
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.rivals.evidence import Evidence, without_drifts
@@ -23,20 +23,13 @@ from smad.diagnosis.rivals.rival import free_model
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import QUIET
 
-from .short import PLANT, played
+from .short import PLANT, played, starting_at
 
 RUN = shipped().runs[0]
 MOVED = {"stress_start": 1.05, "stress_finish": 1.03, "flow_max": 0.97, "resistivity": 1.02}
 """Parameters with what they are multiplied by; displacement changes by millimetres."""
 STEADY = dict.fromkeys(("tube_loss", "flow_max", "film_scale"), 1.0)
 """No day is like another in these, but here."""
-
-
-def starting_at(run: GapRun, away_mm: float) -> GapRun:
-    """The run as it would be if the bench had started so far away."""
-    point, there = ModelPoint({}, {}), replace(run, starts={"displacement_mm": away_mm})
-    here, elsewhere = PLANT.simulate(point, run), PLANT.simulate(point, there)
-    return run.with_columns(outputs={n: y + elsewhere[n] - here[n] for n, y in run.outputs.items()})
 
 
 def test_other_parameters_in_other_water_leave_nothing_once_they_are_in_the_simulator() -> None:
@@ -136,24 +129,6 @@ def test_a_reading_further_off_than_springs_can_stand_is_of_the_reading() -> Non
     reference = commissioned(PLANT, [runs])
     (pair,) = pair_runs(with_places(PLANT), reference, [(far[0], RUN.name)]).pairs
     assert pair.away == {}
-
-
-def test_all_runs_of_a_bench_start_as_mounted_or_none_does() -> None:
-    def group(away_mm: float) -> list[GapRun]:
-        return [starting_at(played(1, what=RUN), away_mm)]
-
-    assert usual_starts(PLANT, [group(0.3), group(0.5)]) == [{}, {}]
-    one, other = usual_starts(PLANT, [group(0.3), group(0.8)])
-    assert one["displacement_mm"] == pytest.approx(0.3, abs=0.02)
-    assert other["displacement_mm"] == pytest.approx(0.8, abs=0.02)
-
-
-def test_samples_that_are_marked_bad_say_nothing_of_a_start() -> None:
-    run = played(1, what=RUN)
-    bad = run.t_s < run.t_s[0] + 0.9
-    shown = np.where(bad, 2.0, run.outputs["displacement_mm"])
-    marked = replace(run.with_columns(outputs={"displacement_mm": shown}), valid=~bad)
-    assert usual_starts(PLANT, [[marked]]) == [{}]
 
 
 def test_a_run_that_starts_elsewhere_than_good_runs_that_start_elsewhere_adds_to_it() -> None:
