@@ -143,6 +143,16 @@ def air(rng: np.random.Generator, seconds: float) -> Array:
     return program
 
 
+def strokes() -> Array:
+    """Each spring once heated to about 45 °C and cooled, X first, as a bench is before its runs."""
+    program = _blank(60.0)
+    for begin_s, current, pump in ((0.0, CURRENT_X, PUMP_X), (30.0, CURRENT_Y, PUMP_Y)):
+        row = round(begin_s / TICK_s)
+        program[row : row + round(9.0 / TICK_s), current] = 2.9
+        program[row + round(11.0 / TICK_s) : row + round(27.0 / TICK_s), pump] = 1.0
+    return program
+
+
 FAMILIES: dict[str, Callable[[np.random.Generator, float], Array]] = {
     "steps": steps,
     "staircase": staircase,

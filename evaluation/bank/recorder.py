@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.bank.excitation import FAMILIES, REFERENCE, RUN_s, TICK_s, operate
+from evaluation.bank.excitation import FAMILIES, REFERENCE, RUN_s, TICK_s, operate, strokes
 from evaluation.plant.effects import Active, magnitudes
 from evaluation.plant.kernel import at_rest
 from evaluation.plant.layout import (
@@ -116,7 +116,8 @@ def record_program(
 ) -> Run:
     """Record one run of a program (see `excitation`); noise and day follow from `seed`.
 
-    The room is warmer than usual by `room_K`.
+    As on a bench, strokes that no log has come before it. The room is warmer than usual by
+    `room_K`.
     """
     rng = np.random.default_rng((seed, 71))
     n = len(program)
@@ -127,8 +128,17 @@ def record_program(
     state = at_rest(
         bench, effects, water_degC=float(inputs[0, INLET]), ambient_degC=float(inputs[0, AMBIENT])
     )
-    out = np.zeros((n, len(COLUMNS)))
-    operate(bench.vector(), effects, program, inputs, noise, STEPS, TICK_s, *state.arrays(), out)
+    arrays = state.arrays()
+
+    def operated(program: Array, inputs: Array, noise: Array) -> Array:
+        out = np.zeros((len(program), len(COLUMNS)))
+        operate(bench.vector(), effects, program, inputs, noise, STEPS, TICK_s, *arrays, out)
+        return out
+
+    before = strokes()
+    quiet = np.zeros((len(before), len(READINGS)))
+    operated(before, np.repeat(inputs[:1], len(before), axis=0), quiet)
+    out = operated(program, inputs, noise)
     measured = inputs.copy()
     measured[:, INLET] = out[:, READINGS.index("rtd_inlet_degC")]
     measured[:, AMBIENT] = out[:, READINGS.index("rtd_ambient_degC")]

@@ -15,7 +15,8 @@ from evaluation.bank.recorder import record
 from evaluation.command import main
 from evaluation.errors import BankError
 from evaluation.plant.effects import BY_NAME, EFFECTS, names
-from evaluation.plant.parameters import NAMES, Bench
+from evaluation.plant.layout import INLET, READINGS
+from evaluation.plant.parameters import NAMES, Bench, another_bench
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -61,6 +62,21 @@ def test_the_key_commits_to_the_runs(order: AnyInputs) -> None:
     run.write_bytes(data + b" ")
     assert files.digest_of_runs(order.folder) != sealed
     run.write_bytes(data)
+
+
+def test_a_run_begins_where_the_strokes_before_it_left_the_bench() -> None:
+    """It is as cold as its water, but its springs do not stand where they were mounted."""
+    displacement, rtds = READINGS.index("displacement_mm"), slice(4, 6)
+    away_mm = []
+    for seed in range(6):
+        bench = another_bench(np.random.default_rng(seed))
+        run = record(bench, (), "steps", seed, seconds=20.0)
+        first_second = run.grid[:100]
+        away_mm.append(abs(first_second[:, displacement].mean()))
+        assert np.ptp(first_second[:, displacement]) < 0.1
+        assert np.abs(first_second[:, rtds].mean(axis=0) - run.inputs[0, INLET]).max() < 1.0
+    assert np.median(away_mm) > 0.45
+    assert max(away_mm) < 3.5
 
 
 def test_what_counts_to_a_strength_on_one_spring_counts_on_the_other() -> None:
