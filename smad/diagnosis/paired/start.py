@@ -60,9 +60,9 @@ def directions(
 
     `predicted` is the prediction of `again`. It is 0 where the model cannot start.
     """
-    usual = again.run.starts
+    read = dict(zip((channel.name for channel in plant.channels), predicted[0], strict=True))
     starts = [
-        again.with_fields(starts={**usual, name: usual.get(name, 0.0) + distance})
+        again.with_fields(starts={**again.run.starts, name: float(read[name]) + distance})
         for name, distance in away.items()
     ]
     moved = np.array(predictions(plant, point, starts, exact=True)).reshape(-1, *predicted.shape)
