@@ -10,6 +10,7 @@ from typing import Literal, get_args
 from sim_device.plant.errors import ModelError
 from sim_device.plant.kernel.model import ANTAGONISTIC, BLOCKED, STRETCH
 from sim_device.plant.parameters import ParameterSet, initial_detwinned, spring_factors
+from sim_device.plant.start import AS_MOUNTED, Start
 from sim_device.plant.water import GRAVITY, interpolated, real_water
 
 Variant = Literal["extended", "printed"]
@@ -138,43 +139,35 @@ def water_heat_capacity() -> float:
     return float(water.rho[0] * water.cp[0])
 
 
-def within_reach(parameters: ParameterSet, displacement_m: float) -> float:
-    """The displacement, cut to what a pair can stand at that is all martensite under its tension.
-
-    There one spring is fully detwinned, or the other not at all.
-    """
-    detwinned = initial_detwinned(parameters)
-    farthest_m = parameters["max_deflection"] * min(detwinned, 1.0 - detwinned)
-    return min(max(displacement_m, -farthest_m), farthest_m)
-
-
 def mounting(
     parameters: ParameterSet,
     *,
     fixture: str,
     cooling: str,
     temperature_K: float | None = None,
-    displacement_m: float = 0.0,
+    start: Start = AS_MOUNTED,
 ) -> dict[str, float]:
     """The kernel's `Mounting`, by name: all martensite, mounted as the fixture says.
 
     The antagonistic pair and the blocked spring start at (δ0, F0) with ξ_S0 of Eq. (10), a spring
     to be stretched starts without load. `temperature_K` is that of wire and water; by default the
     water's inlet temperature, or the ambient one in air. Give none far above A_S + τ/C_A: such a
-    start stays martensite until it has been cold once. A pair that starts at a `displacement_m` has
-    one spring detwinned more by it, the other less, under the same tension.
+    start stays martensite until it has been cold once. A pair with another `start` is detwinned by
+    Eq. (10) as its tension says, one spring more by the displacement, the other less.
     """
     inlet, air = parameters["water_temperature"], parameters["ambient_temperature"]
     if temperature_K is None:
         temperature_K = air if cooling == "air" else inlet
+    x_K, y_K = start.wires_K or (temperature_K, temperature_K)
     return {
-        "T_start": temperature_K,
+        "T_x": x_K,
+        "T_y": y_K,
         "T_inlet": inlet,
         "T_air": air,
-        "tension": parameters["initial_force"],
-        "xi_S": initial_detwinned(parameters),
+        "tension": parameters["initial_force"] if start.tension_N is None else start.tension_N,
+        "xi_S": initial_detwinned(parameters, start.tension_N),
         "deflection": parameters["initial_deflection"],
-        "displacement": displacement_m,
+        "displacement": start.displacement_m,
         "loads_x": float(fixture != "stretch"),
         "loads_y": float(fixture == "antagonistic"),
     }

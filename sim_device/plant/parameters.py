@@ -260,12 +260,20 @@ def _check_together(parameters: ParameterSet) -> None:
         )
 
 
-def initial_detwinned(parameters: ParameterSet) -> float:
-    """ξ_S0 of the mounted pair, paper Eq. (10); meaningful from 0 to 1."""
-    c1, c2 = spring_factors(parameters)
-    stiffness = c2 * parameters["modulus_martensite"] / c1
-    slack = parameters["initial_deflection"] - parameters["initial_force"] / stiffness
+def initial_detwinned(parameters: ParameterSet, tension_N: float | None = None) -> float:
+    """ξ_S0 of the pair under a tension, by default that of its mounting, paper Eq. (10).
+
+    Meaningful from 0 to 1.
+    """
+    tension = parameters["initial_force"] if tension_N is None else tension_N
+    slack = parameters["initial_deflection"] - tension / martensite_stiffness(parameters)
     return slack / parameters["max_deflection"]
+
+
+def martensite_stiffness(parameters: ParameterSet) -> float:
+    """Stiffness of a spring of martensite, N/m: C2 G_M/C1."""
+    c1, c2 = spring_factors(parameters)
+    return c2 * parameters["modulus_martensite"] / c1
 
 
 def spring_factors(parameters: ParameterSet) -> tuple[float, float]:

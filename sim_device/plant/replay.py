@@ -20,6 +20,7 @@ from sim_device.plant.parameters import ParameterSet
 from sim_device.plant.places import PLACES, SLOTS, Key, check_place_needs, keys_of
 from sim_device.plant.plant import solver_error
 from sim_device.plant.setup import Setup
+from sim_device.plant.start import AS_MOUNTED, Start
 from sim_device.plant.units import ZERO_C
 
 Array = npt.NDArray[np.float64]
@@ -106,9 +107,9 @@ class Inputs:
 
     t_s (n,), increasing. i_A (n, 2): currents that the driver was given. pump_duty (n, 2), 0 to 1.
     drain (n, 2), 0 or 1. stage_m (n,). inlet_K, ambient_K (n,), or one for all: temperatures of
-    water and air; left out, the parameter set's. displacement_m: that at which an antagonistic pair
-    starts, cut to what its springs can stand at. Row k is in force over the interval that ends at
-    t_s[k], as a board reports what it applies together with what it measures.
+    water and air; left out, the parameter set's. start: of an antagonistic pair, cut to what its
+    springs can stand at. Row k is in force over the interval that ends at t_s[k], as a board
+    reports what it applies together with what it measures.
     """
 
     t_s: Array
@@ -118,7 +119,7 @@ class Inputs:
     stage_m: Array | None = None
     inlet_K: Array | float | None = None
     ambient_K: Array | float | None = None
-    displacement_m: float = 0.0
+    start: Start = AS_MOUNTED
     rows: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -132,7 +133,6 @@ class Inputs:
             raise InputError(
                 f"t_s does not increase at sample {row + 1}: {time[row + 1]} s after {time[row]} s"
             )
-        _checked("displacement_m", [self.displacement_m], (1,), -1.0, 1.0)
         rows = np.zeros((n, 7))
         rows[:, 0:2] = _checked("i_A", self.i_A, (n, 2), 0.0, math.inf)
         rows[:, 2:4] = _checked("pump_duty", self.pump_duty, (n, 2), 0.0, 1.0)
@@ -148,14 +148,14 @@ class Inputs:
         inlet_K: Array | float,
         ambient_K: Array | float,
         times_i_y: float = 1.0,
-        displacement_m: float = 0.0,
+        start: Start = AS_MOUNTED,
     ) -> Inputs:
         """The same, already checked, with other temperatures of water and air, Y's current scaled
         by `times_i_y`, which is positive, and another start."""
         other = copy.copy(self)
         object.__setattr__(other, "inlet_K", inlet_K)
         object.__setattr__(other, "ambient_K", ambient_K)
-        object.__setattr__(other, "displacement_m", displacement_m)
+        object.__setattr__(other, "start", start)
         if times_i_y != 1.0:
             rows = self.rows.copy()
             rows[:, 1] *= times_i_y
@@ -327,7 +327,7 @@ class Replay:
         env = self.inputs.environment(setup.parameters)
         if temperature_K is None:
             temperature_K = float(env[0, 1 if setup.cooling == "air" else 0])
-        state = setup.state(temperature_K, self.inputs.displacement_m)
+        state = setup.state(temperature_K, self.inputs.start)
         row = k.numbers(state)
         out = np.empty((self._places.size, self.inputs.t_s.size))
         status = k.replay(

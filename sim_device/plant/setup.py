@@ -14,7 +14,6 @@ from sim_device.plant.constants import (
     apply_warming,
     kernel_constants,
     mounting,
-    within_reach,
 )
 from sim_device.plant.effects.registry import (
     EffectValues,
@@ -27,6 +26,7 @@ from sim_device.plant.errors import InputError
 from sim_device.plant.laws import Law, law_table
 from sim_device.plant.parameters import ParameterSet
 from sim_device.plant.places import check_place_needs
+from sim_device.plant.start import AS_MOUNTED, Start, within_reach
 from sim_device.plant.water import film_table
 
 Array = npt.NDArray[np.float64]
@@ -37,7 +37,7 @@ class Setup:
     """What the kernel takes: `model`, an array of one record, the film table, and laws as a table.
 
     `effects` are those as resolved. `late`: some channel is read late. `latest_rest` is the latest
-    state at rest, by temperature and displacement. The arrays must not be changed.
+    state at rest, by temperature and start. The arrays must not be changed.
     """
 
     parameters: ParameterSet
@@ -49,7 +49,7 @@ class Setup:
     late: bool
     laws: Array
     options: Mapping[str, str]
-    latest_rest: dict[tuple[float | None, float], Any] = field(
+    latest_rest: dict[tuple[float | None, Start], Any] = field(
         default_factory=dict, repr=False, compare=False
     )
 
@@ -118,12 +118,12 @@ class Setup:
         """Room for the history of the samples, as much as late channels need."""
         return np.zeros((k.RING_ROWS if self.late else 1, k.RING_COLUMNS))
 
-    def state(self, temperature_K: float | None = None, displacement_m: float = 0.0) -> Any:
+    def state(self, temperature_K: float | None = None, start: Start = AS_MOUNTED) -> Any:
         """A fresh state at rest, an array of one record, sensors included."""
-        if displacement_m and self.fixture != "antagonistic":
-            raise InputError(f"displacement_m = {displacement_m} needs the antagonistic pair")
-        start = temperature_K, displacement_m
-        state = self.latest_rest.get(start)
+        if start != AS_MOUNTED and self.fixture != "antagonistic":
+            raise InputError(f"{start} needs the antagonistic pair")
+        key = temperature_K, start
+        state = self.latest_rest.get(key)
         if state is None:
             state = k.zeros(k.State)
             mount = mounting(
@@ -131,10 +131,10 @@ class Setup:
                 fixture=self.fixture,
                 cooling=self.cooling,
                 temperature_K=temperature_K,
-                displacement_m=within_reach(self.parameters, displacement_m),
+                start=within_reach(self.parameters, start),
             )
             k.rest(state, self.model, k.filled(k.Mounting, mount), self.ring())
             # Replays of one run after another begin alike.
             self.latest_rest.clear()
-            self.latest_rest[start] = state
+            self.latest_rest[key] = state
         return k.copied(state)

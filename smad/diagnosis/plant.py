@@ -191,14 +191,27 @@ class PlantModel(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
+class StartReading:
+    """A channel that says where a run starts, and by how much that is usually wrong.
+
+    `above` is the channel from which it is counted, if any. A reading outside `low` to `high` says
+    nothing of a start: no bench can start there.
+    """
+
+    error: float
+    low: float
+    high: float
+    above: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Traits:
     """How a plant varies from run to run, and what its runs must be.
 
     `day`: parameters that vary, with their usual standard deviation as a share of the prior's.
     `environment`: parameter -> channel that measures it at the start of a run; the model carries
     its difference over. `drift`: places that drift within a run, with the usual size in the unit of
-    the place. `starts`: channels that may start elsewhere, in a replay as in a run, and from which
-    value to which; a smaller one parameters explain, a larger one is of the reading. `shortest_s`:
+    the place. `starts`: channels that say where a run starts, and so its replay. `shortest_s`:
     least duration of a run. `longest_step_s`: longest sample interval. `together`: number of
     replays that are worth running at once, in threads.
     """
@@ -206,7 +219,7 @@ class Traits:
     day: Mapping[str, float] = field(default_factory=dict)
     environment: Mapping[str, str] = field(default_factory=dict)
     drift: Mapping[str, float] = field(default_factory=dict)
-    starts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    starts: Mapping[str, StartReading] = field(default_factory=dict)
     shortest_s: float = 8.0
     longest_step_s: float = math.inf
     together: int = 1

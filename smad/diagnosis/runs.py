@@ -31,8 +31,8 @@ class GapRun:
     `trusted` run is not refused for what the nominal model thinks of it. `written` says how a
     column stands in its file, where it was converted. `offsets` are series of times and values by
     channel, in its unit: a plant adds them to its signals before its sensors, if it can. `starts`
-    says by channel what the bench reads at its start, if it is not as mounted; a plant starts
-    there, if it can.
+    says by channel where the bench starts, if not as it was mounted (see `Traits.starts`); a plant
+    starts there, if it can.
     """
 
     name: str

@@ -23,7 +23,8 @@ from sim_device.plant.kernel.unified_kinetics import (
 class Mounting:
     """How a plant is put together, and what surrounds it."""
 
-    T_start: float  # of wire, water and tube, K
+    T_x: float  # of wire, water and tube of X, K
+    T_y: float
     T_inlet: float
     T_air: float
     tension: float  # of a spring that is loaded, N
@@ -56,10 +57,9 @@ def rest_memory(m: Memory, xi_S: float, T: float, tau: float, p: Constants, e: E
 
 @inlined
 def rest_spring(
-    s: Spring, loaded: float, longer: float, mount: Mounting, p: Constants, e: Effects
+    s: Spring, T: float, loaded: float, longer: float, mount: Mounting, p: Constants, e: Effects
 ) -> None:
     """One spring at rest, all martensite: detwinned as far as its load says, and `longer` (m)."""
-    T = mount.T_start
     force = loaded * mount.tension
     tau = p.C1 * force
     detwinned = loaded * (mount.xi_S + longer / p.delta_L)
@@ -90,8 +90,8 @@ def rest(
     state, model, mount = states[0], models[0], mounts[0]
     state.shared.given_inlet = mount.T_inlet
     state.shared.given_air = mount.T_air
-    rest_spring(state.x, mount.loads_x, -mount.displacement, mount, model.p, model.x)
-    rest_spring(state.y, mount.loads_y, mount.displacement, mount, model.p, model.y)
+    rest_spring(state.x, mount.T_x, mount.loads_x, -mount.displacement, mount, model.p, model.x)
+    rest_spring(state.y, mount.T_y, mount.loads_y, mount.displacement, mount, model.p, model.y)
     state.shared.displacement = mount.displacement
     state.shared.slip_from = mount.displacement
     state.shared.play = mount.displacement

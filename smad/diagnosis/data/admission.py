@@ -2,9 +2,9 @@
 
 The one place where recordings become runs of the diagnosis. In this order: values that are no
 readings are removed (`columns`), the run ends at its first hole, its length is checked, the plant
-must fulfil its contract (`contract`), the nominal model is compared (`opinions`), and it is noted
-where the run starts (`starts`). Each result is a finding, which the JSON, the terminal and the page
-share.
+must fulfil its contract (`contract`), and the nominal model is compared (`opinions`). Each result
+is a finding, which the JSON, the terminal and the page share. An admitted run says where its
+replays start (`starts`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -82,16 +82,7 @@ def admit(
         if not _refused(of_run):
             admitted.append(run)
         findings += of_run
-    replayed = tuple(started(plant, admitted))
-    unit = {channel.name: channel.unit for channel in plant.channels}
-    findings += [
-        Finding(
-            run.name, "start", f"replayed from {name} = {value:.2f} {unit[name]}", refuses=False
-        )
-        for run in replayed
-        for name, value in run.starts.items()
-    ]
-    return RunSet(tuple(runs), replayed, tuple(findings))
+    return RunSet(tuple(runs), tuple(started(plant, admitted)), tuple(findings))
 
 
 def row_of_admitted_s(runs: Sequence[GapRun], plant: PlantModel) -> float:

@@ -1,6 +1,7 @@
-"""Where runs start, if not as the bench was mounted: where they read at their start.
+"""Where runs start: where they read at their start, not where the bench was mounted.
 
-What the springs keep of the runs and strokes before is left out of every recording.
+What the springs keep of the runs and strokes before is left out of every recording. With nothing
+missing, a replay from where it was mounted would leave 14 floors of such a run.
 """
 
 from __future__ import annotations
@@ -10,27 +11,32 @@ from dataclasses import replace
 
 import numpy as np
 
-from smad.diagnosis.plant import PlantModel, traits_of
+from smad.diagnosis.plant import PlantModel, StartReading, traits_of
 from smad.diagnosis.runs import GapRun
 
 
 def usual_starts(plant: PlantModel, groups: Sequence[Sequence[GapRun]]) -> list[dict[str, float]]:
     """For each group of repeats the mean of each channel at their start.
 
-    A channel is left out of all groups if its means are small enough for a parameter such as the
-    encoder's zero, which all runs share; and if one group reads more than a bench can start at,
-    since then the reading is off.
+    A channel is left out of all groups if one reads what no bench can start at: then the reading is
+    off. A group without a reading gets the mean of the others.
     """
     out: list[dict[str, float]] = [{} for _ in groups]
-    for name, (least, most) in traits_of(plant).starts.items():
-        read = [[v for r in group for v in r.at_start([name]).values()] for group in groups]
-        means = [float(np.mean(values)) if values else None for values in read]
+    for name, reading in traits_of(plant).starts.items():
+        means = [_mean_start(group, name, reading) for group in groups]
         known = [mean for mean in means if mean is not None]
-        if not least < max(map(abs, known), default=0.0) < most:
-            continue
-        for start, mean in zip(out, means, strict=True):
-            start[name] = float(np.mean(known)) if mean is None else mean
+        if known and reading.low < min(known) and max(known) < reading.high:
+            for start, mean in zip(out, means, strict=True):
+                start[name] = float(np.mean(known)) if mean is None else mean
     return out
+
+
+def _mean_start(repeats: Sequence[GapRun], name: str, reading: StartReading) -> float | None:
+    """Mean of a channel at the start of repeats; None where none has the readings."""
+    needed = {name, reading.above} - {""}
+    read = [run.at_start(needed) for run in repeats]
+    found = [r[name] - r.get(reading.above, 0.0) for r in read if needed <= r.keys()]
+    return float(np.mean(found)) if found else None
 
 
 def started(plant: PlantModel, runs: Sequence[GapRun]) -> list[GapRun]:

@@ -28,7 +28,7 @@ from smad.diagnosis.plant import (
 )
 from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.convergence import fit_from_several
-from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, Trial
+from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, Trial, start_directions
 from smad.diagnosis.rivals.fit import reference_at
 from smad.diagnosis.rivals.rival import question_of, with_tempered_prior
 from smad.diagnosis.rivals.search import run_search
@@ -261,7 +261,9 @@ def _good_point(
     trials = []
     for r in repeated:
         mean, count = mean_of(r.values, r.valid)
-        trials.append(Trial(played=r.played, target=mean, rows=RunRows.of(floors, count > 0)))
+        starts = start_directions(plant, nominal_point(plant), r.played)
+        rows = RunRows.of(floors, count > 0, np.array(starts).reshape(-1, *mean.shape))
+        trials.append(Trial(played=r.played, target=mean, rows=rows))
     evidence = Evidence(trials=tuple(trials))
     question = question_of(plant, nominal_point(plant), evidence, effects=effects, say=say)
     model = with_tempered_prior(question.model, evidence, question.constants)

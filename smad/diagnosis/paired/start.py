@@ -35,7 +35,7 @@ def distances(
     out = {}
     first = slice(max(round(_START_S / period_s), 1))
     names = [channel.name for channel in plant.channels]
-    for name, (_, most) in traits_of(plant).starts.items():
+    for name, reading in traits_of(plant).starts.items():
         c = names.index(name)
         seen = rows.valid[first, c]
         if not seen.any():
@@ -44,7 +44,7 @@ def distances(
         noise = float(rows.sd[first, c][seen].mean())
         days = rows.day_sd * rows.day[:, first, c][:, seen].mean(axis=1)
         further = abs(away) > _ELSEWHERE * np.hypot(noise, np.linalg.norm(days))
-        if further and abs(usual.get(name, 0.0) + away) < most:
+        if further and reading.low < usual.get(name, 0.0) + away < reading.high:
             out[name] = away
     return out
 
@@ -60,9 +60,9 @@ def directions(
 
     `predicted` is the prediction of `again`. It is 0 where the model cannot start.
     """
-    read = dict(zip((channel.name for channel in plant.channels), predicted[0], strict=True))
+    usual = again.run.starts
     starts = [
-        again.with_fields(starts={**again.run.starts, name: float(read[name]) + distance})
+        again.with_fields(starts={**usual, name: usual.get(name, 0.0) + distance})
         for name, distance in away.items()
     ]
     moved = np.array(predictions(plant, point, starts, exact=True)).reshape(-1, *predicted.shape)

@@ -14,12 +14,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from smad.diagnosis.data.played import Played
+from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.data.rows import binned, steps_in_gaps
 from smad.diagnosis.numerics.white import RunRows, lag_one_correlation, shrinking
 from smad.diagnosis.places.bare import InWindows, unwrapped
 from smad.diagnosis.places.place import Forcing, PlacesPlant, place_named
-from smad.diagnosis.plant import Array, Index, ModelPoint, traits_of
+from smad.diagnosis.plant import Array, Index, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.runs import GapRun
 
 CORRELATED = 16.0
@@ -299,9 +299,9 @@ def drift_directions(plant: PlacesPlant, point: ModelPoint, played: Played) -> A
     """Drifts of a run at one standard deviation, (k, bins, channels) in channel units.
 
     They are a constant and a straight line at each place that drifts; a step of an input that falls
-    into lost samples, at either end of the gap; and an error of each reading that a window begins
-    from. Near a reversal less than a reading can resolve decides which way a spring goes: so a
-    small constant of either sign is replayed exactly, too.
+    into lost samples, at either end of the gap; and an error of each reading that the run or a
+    window begins from. Near a reversal less than a reading can resolve decides which way a spring
+    goes: so a small constant of either sign is replayed exactly, too.
     """
     run, whole = played.run, played.whole
     steady, small = np.ones(len(run.t_s)), np.full(len(whole.t_s), _UNRESOLVED)
@@ -325,7 +325,20 @@ def drift_directions(plant: PlacesPlant, point: ModelPoint, played: Played) -> A
             column[before + 1 : after] = column[after]
             stepped = whole.with_columns(inputs={name: column})
             drifts.append(readings(stepped, {}, exact=True) - exact_base)
+    drifts += start_directions(plant, point, played)
     if isinstance(plain := unwrapped(plant), InWindows):
         begun = plain.begun_otherwise(point, run)
         drifts += [played.on_grid(outputs, plant.channels) - base for outputs in begun]
     return np.array(drifts).reshape(-1, *base.shape)
+
+
+def start_directions(plant: PlantModel, point: ModelPoint, played: Played) -> list[Array]:
+    """What the usual error of each reading that a run starts from does, (bins, channels) each."""
+    starts, readings = played.run.starts, traits_of(plant).starts
+    away = [
+        played.with_fields(starts={**starts, name: value + readings[name].error})
+        for name, value in starts.items()
+        if name in readings
+    ]
+    base, *moved = predictions(plant, point, [played, *away], exact=True)
+    return [np.nan_to_num(values - base) for values in moved]

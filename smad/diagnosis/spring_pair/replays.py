@@ -14,6 +14,7 @@ from sim_device.plant import ParameterSet
 from sim_device.plant.errors import SolverError
 from sim_device.plant.replay import Inputs, Replay, trajectory
 from sim_device.plant.setup import Setup
+from sim_device.plant.start import Start
 from sim_device.plant.units import ZERO_C
 from smad.diagnosis.places.place import Forcing
 from smad.diagnosis.plant import Array, ModelPoint
@@ -75,15 +76,18 @@ class GivenRun:
     def inputs(self, point: GivenPoint, steps: Steps | None = None) -> Inputs:
         """Inputs of a replay, a row for each sample, or for each of the `steps`.
 
-        The pair starts where the encoder reads what the run says, or as mounted; water and room
-        start where the run measured them.
+        The pair starts where the run says, water and room where the run measured them at its start.
         The two temperatures of the parameter set then act as corrections of those measurements.
         """
         inputs = self.recorded if steps is None else steps.inputs
         inlet_K, ambient_K = (self._around(point, *pair) for pair in TRAITS.environment.items())
-        reads_mm = self.run.starts.get("displacement_mm")
-        start_m = 0.0 if reads_mm is None else 1e-3 * (reads_mm - point.zero_mm)
-        return inputs.surrounded(inlet_K, ambient_K, point.root["y"], start_m)
+        at = self.run.starts
+        start = Start(
+            displacement_m=1e-3 * at.get("displacement_mm", 0.0),
+            tension_N=at.get("force_N"),
+            wires_K=(inlet_K + at.get("rtd_x_degC", 0.0), inlet_K + at.get("rtd_y_degC", 0.0)),
+        )
+        return inputs.surrounded(inlet_K, ambient_K, point.root["y"], start)
 
     def offsets(self, t_s: Array) -> dict[tuple[str, str], Array]:
         """The forcing of the sensors by the run's offsets, at times (m,)."""

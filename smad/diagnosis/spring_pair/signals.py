@@ -14,7 +14,7 @@ from smad.diagnosis.data.columns import filled, readable, up_to_first_hole
 from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.errors import GapError
 from smad.diagnosis.numerics.lag import lagged
-from smad.diagnosis.plant import Array, Channel, Mask, Signal, Traits
+from smad.diagnosis.plant import Array, Channel, Mask, Signal, StartReading, Traits
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say, silent
 from smad.records.channels import LONGEST_STEP_S, RANGES, MappingFile, read_channels
@@ -78,7 +78,12 @@ TRAITS = Traits(
     },
     environment={"water_temperature": "rtd_inlet_degC", "ambient_temperature": "rtd_ambient_degC"},
     drift={"inlet_water": 0.2, "ambient_air": 0.2},
-    starts={"displacement_mm": (0.45, 3.5)},
+    starts={
+        "rtd_x_degC": StartReading(error=0.2, low=-5.0, high=20.0, above="rtd_inlet_degC"),
+        "rtd_y_degC": StartReading(error=0.2, low=-5.0, high=20.0, above="rtd_inlet_degC"),
+        "displacement_mm": StartReading(error=0.15, low=-3.5, high=3.5),
+        "force_N": StartReading(error=0.02, low=0.8, high=1.6),
+    },
     longest_step_s=LONGEST_STEP_S,
 )
 """Loss, flow, film, temperatures beyond what is measured, and where a run starts from. Water and
