@@ -5,7 +5,10 @@ import pytest
 
 from sim_device.plant import Drive, Inputs, Plant, Replay, load_parameters, simulate
 from sim_device.plant.errors import InputError
+from sim_device.plant.parameters import initial_detwinned
 from sim_device.plant.replay import DRIVEN, OUTPUTS, drivers
+from sim_device.plant.start import Start
+from sim_device.plant.units import ZERO_C
 from tests.sim_device.plant.cases import alternating
 
 P = load_parameters("A")
@@ -20,6 +23,11 @@ def inputs():
 @pytest.fixture(scope="module")
 def whole(inputs):
     return simulate(P, inputs)
+
+
+def still(start):
+    """Five seconds in which nothing is driven, from a start."""
+    return Inputs(np.linspace(0, 5, 51), np.zeros((51, 2)), np.zeros((51, 2)), start=start)
 
 
 @pytest.mark.parametrize(
@@ -94,32 +102,71 @@ def test_a_setup_gives_a_fresh_state_each_time(inputs):
     ],
     ids=str,
 )
-def test_a_pair_that_starts_elsewhere_rests_there_with_the_tension_of_its_mounting(effect):
+@pytest.mark.parametrize("tension", [None, 1.3])
+def test_a_pair_that_starts_elsewhere_rests_there_under_its_tension(effect, tension):
     away = -1.5e-3
-    still = Inputs(np.linspace(0, 5, 51), np.zeros((51, 2)), np.zeros((51, 2)), displacement_m=away)
-    out = simulate(P, still, effects=effect)
+    out = simulate(P, still(Start(displacement_m=away, tension_N=tension)), effects=effect)
     np.testing.assert_allclose(out["displacement_m"], away, rtol=1e-9)
-    np.testing.assert_allclose(out["true_force_N"], P["initial_force"], rtol=1e-9)
+    np.testing.assert_allclose(out["true_force_N"], tension or P["initial_force"], rtol=1e-9)
     reach = P["max_deflection"]
     assert out["xi_S_x"][0] - out["xi_S_y"][0] == pytest.approx(-2 * away / reach)
+    middle = 0.5 * (out["xi_S_x"][0] + out["xi_S_y"][0])
+    assert middle == pytest.approx(initial_detwinned(P, tension))
 
 
 def test_a_pair_starts_no_further_away_than_its_springs_can_stand_when_all_is_martensite():
-    still = Inputs(np.linspace(0, 5, 51), np.zeros((51, 2)), np.zeros((51, 2)), displacement_m=0.1)
-    out = simulate(P, still)
+    out = simulate(P, still(Start(displacement_m=0.1)))
     assert 3.5e-3 < out["displacement_m"][0] < 5e-3
     assert out["xi_S_x"][0] == pytest.approx(0.0, abs=1e-9)
     np.testing.assert_allclose(out["displacement_m"], out["displacement_m"][0], rtol=1e-9)
+    out = simulate(P, still(Start(tension_N=100.0)))
+    assert out["xi_S_x"][0] == out["xi_S_y"][0] == pytest.approx(0.0, abs=1e-9)
+    assert 1.4 < out["true_force_N"][0] < 1.5
 
 
-def test_a_start_needs_the_pair_and_a_number():
-    for options, away in (({"fixture": "blocked"}, 1e-3), ({}, np.nan)):
-        with pytest.raises(InputError, match="displacement_m"):
-            simulate(P, Inputs(np.zeros(1), *np.zeros((2, 1, 2)), displacement_m=away), **options)
+def test_springs_start_as_warm_as_they_are_said_to_be_and_cool():
+    out = simulate(P, still(Start(wires_K=(302.0, 300.5))))
+    assert out["rtd_x_degC"][0] == pytest.approx(302.0 - ZERO_C, abs=0.02)
+    assert out["rtd_y_degC"][0] == pytest.approx(300.5 - ZERO_C, abs=0.02)
+    assert out["rtd_x_degC"][-1] < out["rtd_x_degC"][0]
+
+
+def test_a_used_pair_starts_where_it_reads():
+    """What its strokes have left is in temperatures, displacement and tension, and nowhere else."""
+    dt_s, strokes = 0.1, 600
+    i_A, duty = np.zeros((1000, 2)), np.zeros((1000, 2))
+    for begin, spring in ((0, 1), (300, 0), (620, 1)):
+        i_A[begin : begin + 90, spring] = 2.9
+        duty[begin + 110 : begin + 270, spring] = 1.0
+    times = dt_s * np.arange(1, 1001)
+    whole = simulate(P, Inputs(times, i_A, duty))
+    here = {name: column[strokes - 1] for name, column in whole.items()}
+    reads = Start(
+        displacement_m=here["displacement_m"],
+        tension_N=here["force_N"],
+        wires_K=(here["T_x_K"], here["T_y_K"]),
+    )
+    later = times[strokes:], i_A[strokes:], duty[strokes:]
+    off = {
+        start: np.abs(simulate(P, Inputs(*later, start=start))["displacement_m"]
+                      - whole["displacement_m"][strokes:]).max()
+        for start in (reads, Start())
+    }  # fmt: skip
+    assert off[reads] < 0.02e-3
+    assert off[Start()] > 10.0 * off[reads]
+
+
+def test_a_start_needs_the_pair_and_numbers_that_a_bench_can_be_at():
+    with pytest.raises(InputError, match="antagonistic"):
+        simulate(P, still(Start(displacement_m=1e-3)), fixture="blocked")
+    for wrong in ({"displacement_m": np.nan}, {"tension_N": -1.0}, {"wires_K": (300.0, 27.0)}):
+        with pytest.raises(InputError, match=next(iter(wrong))):
+            Start(**wrong)
 
 
 def test_heat_takes_away_where_a_pair_has_started(inputs, whole):
-    elsewhere = Inputs(inputs.t_s, inputs.i_A, inputs.pump_duty, displacement_m=2e-3)
+    start = Start(displacement_m=2e-3)
+    elsewhere = Inputs(inputs.t_s, inputs.i_A, inputs.pump_duty, start=start)
     off = simulate(P, elsewhere)["displacement_m"] - whole["displacement_m"]
     assert off[0] == pytest.approx(2e-3)
     assert abs(off[-1]) < 0.01 * off[0]
