@@ -203,6 +203,10 @@ class StartReading:
     high: float
     above: str = ""
 
+    def counted(self, name: str, values: Mapping[str, float]) -> float:
+        """The value of this channel, counted from that below it. Raises KeyError without one."""
+        return values[name] - (values[self.above] if self.above else 0.0)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Traits:

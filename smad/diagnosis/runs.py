@@ -32,7 +32,8 @@ class GapRun:
     column stands in its file, where it was converted. `offsets` are series of times and values by
     channel, in its unit: a plant adds them to its signals before its sensors, if it can. `starts`
     says by channel where the bench starts, if not as it was mounted (see `Traits.starts`); a plant
-    starts there, if it can.
+    starts there, if it can. `starts_read`: these are readings, which the sensors of a model may
+    falsify; it starts where it would read them.
     """
 
     name: str
@@ -48,6 +49,7 @@ class GapRun:
     offsets: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     written: Mapping[str, Written] = field(default_factory=dict)
     starts: Mapping[str, float] = field(default_factory=dict)
+    starts_read: bool = False
 
     def __post_init__(self) -> None:
         # What is an array already stays the same object.

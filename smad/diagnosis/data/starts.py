@@ -6,12 +6,13 @@ missing, a replay from where it was mounted would leave 14 floors of such a run.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from smad.diagnosis.plant import PlantModel, StartReading, traits_of
+from smad.diagnosis.data.played import Played, predictions
+from smad.diagnosis.plant import ModelPoint, PlantModel, StartReading, Traits, traits_of
 from smad.diagnosis.runs import GapRun
 
 
@@ -35,11 +36,38 @@ def _mean_start(repeats: Sequence[GapRun], name: str, reading: StartReading) -> 
     """Mean of a channel at the start of repeats; None where none has the readings."""
     needed = {name, reading.above} - {""}
     read = [run.at_start(needed) for run in repeats]
-    found = [r[name] - r.get(reading.above, 0.0) for r in read if needed <= r.keys()]
+    found = [reading.counted(name, values) for values in read if needed <= values.keys()]
     return float(np.mean(found)) if found else None
 
 
 def started(plant: PlantModel, runs: Sequence[GapRun]) -> list[GapRun]:
-    """The runs, each to be replayed from where it starts; one that says where is kept."""
+    """The runs, each to be replayed from where it reads; one that says where it starts is kept."""
     starts = usual_starts(plant, [[run] for run in runs])
-    return [replace(run, starts=run.starts or s) for run, s in zip(runs, starts, strict=True)]
+    return [
+        run if run.starts else replace(run, starts=read, starts_read=True)
+        for run, read in zip(runs, starts, strict=True)
+    ]
+
+
+def stands(
+    traits: Traits, starts: Mapping[str, float], shown: Mapping[str, float]
+) -> dict[str, float]:
+    """Where a model stands that reads `starts`, if it shows `shown` where it stands at `starts`.
+
+    Its sensors add the difference.
+    """
+    return {
+        name: 2.0 * value - traits.starts[name].counted(name, shown)
+        for name, value in starts.items()
+    }
+
+
+def standing(plant: PlantModel, point: ModelPoint, played: Played) -> Played:
+    """The run, started where the model at `point` stands when it reads what the run says."""
+    starts = played.run.starts
+    stood = played.with_fields(starts_read=False)
+    if not starts:
+        return stood
+    (predicted,) = predictions(plant, point, [stood], exact=True)
+    shown = {c.name: float(y) for c, y in zip(plant.channels, predicted[0], strict=True)}
+    return stood.with_fields(starts=stands(traits_of(plant), starts, shown))

@@ -11,7 +11,7 @@ from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.data.noise import resolution, row_noise
 from smad.diagnosis.data.played import Played, predictions, slopes
 from smad.diagnosis.data.rows import Binned, bin_numbers, binned, offset_s, require_like_inputs
-from smad.diagnosis.data.starts import usual_starts
+from smad.diagnosis.data.starts import standing, usual_starts
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.paired.floor import Deviation, Floor, repeat_floor
 from smad.diagnosis.places.place import PlacesPlant
@@ -191,7 +191,7 @@ def good_runs(
     noise = row_noise(recordings, plant, period_s)
     floors = np.hypot(noise, resolution(recordings, plant))
     point = _good_point(plant, repeated, floors, effects, say)
-    played = [r.played for r in repeated]
+    played = [standing(plant, point, r.played) for r in repeated]
     J = slopes(plant, point, played)
     base = predictions(plant, point, played, exact=True)
     runs: list[GoodRun] = []
@@ -219,7 +219,7 @@ def good_runs(
         runs.append(
             GoodRun(
                 name=r.name,
-                played=r.played,
+                played=played[k],
                 mean=mean,
                 valid=count > 0,
                 count=count,
@@ -336,7 +336,7 @@ def _on_one_grid(
     shared = set.intersection(*(set(a) for a in around))
     middle = {n: float(np.mean([a[n] for a in around])) for n in sorted(shared)}
     levels = {c: np.full(len(first.t_s), v) for c, v in middle.items()}
-    whole = GapRun(first.name, first.t_s, first.inputs, levels, starts=starts)
+    whole = GapRun(first.name, first.t_s, first.inputs, levels, starts=starts, starts_read=True)
     played = Played.of(whole, plant.inputs, start_s, period_s)
     repeats = [binned(r, played.bins, plant, start_s + offset_s(r, first), period_s) for r in group]
     reference = binned(first, played.bins, plant, start_s, period_s)

@@ -5,6 +5,7 @@ point alone is computed once (`GivenRun`, `GivenPoint`) and cached.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Protocol
 
@@ -16,6 +17,7 @@ from sim_device.plant.replay import Inputs, Replay, trajectory
 from sim_device.plant.setup import Setup
 from sim_device.plant.start import Start
 from sim_device.plant.units import ZERO_C
+from smad.diagnosis.data.starts import stands
 from smad.diagnosis.places.place import Forcing
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.runs import GapRun
@@ -73,7 +75,7 @@ class GivenRun:
         self.run = run
         self._began = run.at_start(TRAITS.environment.values())
 
-    def inputs(self, point: GivenPoint, steps: Steps | None = None) -> Inputs:
+    def inputs(self, point: GivenPoint, forcing: Forcing, steps: Steps | None = None) -> Inputs:
         """Inputs of a replay, a row for each sample, or for each of the `steps`.
 
         The pair starts where the run says, water and room where the run measured them at its start.
@@ -81,13 +83,30 @@ class GivenRun:
         """
         inputs = self.recorded if steps is None else steps.inputs
         inlet_K, ambient_K = (self._around(point, *pair) for pair in TRAITS.environment.items())
-        at = self.run.starts
+        at = self.starts(point, forcing)
         start = Start(
             displacement_m=1e-3 * at.get("displacement_mm", 0.0),
             tension_N=at.get("force_N"),
             wires_K=(inlet_K + at.get("rtd_x_degC", 0.0), inlet_K + at.get("rtd_y_degC", 0.0)),
         )
         return inputs.surrounded(inlet_K, ambient_K, point.root["y"], start)
+
+    def starts(self, point: GivenPoint, forcing: Forcing) -> dict[str, float]:
+        """Where the pair starts by channel; if the run says what it read there, less what the
+        sensors of the model add."""
+        at = dict(self.run.starts)
+        if not self.run.starts_read or not at:
+            return at
+        n = len(self._first.run.t_s)
+        first = {key: np.asarray(series)[:n] for key, series in forcing.items()}
+        outputs = self._first.forced(point, first, fast=True)
+        shown = {name: float(column[0]) for name, column in outputs.items()}
+        return stands(TRAITS, at, shown)
+
+    @cached_property
+    def _first(self) -> "GivenRun":
+        """The first samples, from the readings as they are."""
+        return GivenRun(replace(self.run.part(0, 2), whole=None, starts_read=False))
 
     def offsets(self, t_s: Array) -> dict[tuple[str, str], Array]:
         """The forcing of the sensors by the run's offsets, at times (m,)."""
@@ -143,7 +162,7 @@ class GivenRun:
 
     def trajectory(self, point: GivenPoint, *, fast: bool) -> dict[str, Array]:
         """All states that a law may depend on, (n,) each."""
-        inputs = self.inputs(point)
+        inputs = self.inputs(point, {})
         replay = Replay(inputs, variant=point.variant, forcing=self.offsets(inputs.t_s))
         return trajectory(replay, point.setup, dt_s=self._quick_s if fast else STEP_S)
 
@@ -157,11 +176,11 @@ class GivenRun:
 
         Currents are in force over a sample already, and voltages go with their means.
         """
-        steps, dt_s = None if fast else self.steps(forcing), self._quick_s
+        steps, dt_s, whole_forcing = None if fast else self.steps(forcing), self._quick_s, forcing
         if steps is not None:
             dt_s = LONGEST_STEP_S
             forcing = {key: np.asarray(series)[steps.sample] for key, series in forcing.items()}
-        inputs = self.inputs(point, steps)
+        inputs = self.inputs(point, whole_forcing, steps)
         offsets = self.offsets(inputs.t_s)
         forcing = {**forcing, **{key: x + forcing.get(key, 0.0) for key, x in offsets.items()}}
         replay = Replay(inputs, variant=point.variant, forcing=forcing, outputs=_OUTPUTS)

@@ -79,16 +79,16 @@ TRAITS = Traits(
     environment={"water_temperature": "rtd_inlet_degC", "ambient_temperature": "rtd_ambient_degC"},
     drift={"inlet_water": 0.2, "ambient_air": 0.2},
     starts={
-        "rtd_x_degC": StartReading(error=0.2, low=-5.0, high=20.0, above="rtd_inlet_degC"),
-        "rtd_y_degC": StartReading(error=0.2, low=-5.0, high=20.0, above="rtd_inlet_degC"),
-        "displacement_mm": StartReading(error=0.15, low=-3.5, high=3.5),
-        "force_N": StartReading(error=0.02, low=0.8, high=1.6),
+        "rtd_x_degC": StartReading(error=0.05, low=-5.0, high=20.0, above="rtd_inlet_degC"),
+        "rtd_y_degC": StartReading(error=0.05, low=-5.0, high=20.0, above="rtd_inlet_degC"),
+        "displacement_mm": StartReading(error=0.02, low=-3.5, high=3.5),
+        "force_N": StartReading(error=0.005, low=0.8, high=1.6),
     },
     longest_step_s=LONGEST_STEP_S,
 )
-"""Loss, flow, film, temperatures beyond what is measured, and where a run starts from. Water and
-room wander within a run. Of `starts`: three prior deviations of the encoder's zero are 0.45 mm; all
-martensite, springs of set A can stand 3.8 mm from where they were mounted."""
+"""Loss, flow, film and temperatures beyond what is measured. Water and room wander within a run.
+Beyond the limits of `starts` no spring of set A stands that is all martensite; errors of it are
+what a second of readings does not average out."""
 _RATE_TAU_S = 0.3
 
 
