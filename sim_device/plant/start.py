@@ -40,13 +40,24 @@ def within_reach(parameters: ParameterSet, start: Start) -> Start:
 
     At a limit a spring is fully detwinned, or not at all.
     """
-    reach_m, taut_m = parameters["max_deflection"], parameters["initial_deflection"]
     tension_N = start.tension_N
     if tension_N is not None:
-        stiffness = martensite_stiffness(parameters)
-        loosest_N, tautest_N = stiffness * max(taut_m - reach_m, 0.0), stiffness * taut_m
+        loosest_N, tautest_N = tensions_N(parameters)
         tension_N = min(max(tension_N, loosest_N), tautest_N)
-    detwinned = initial_detwinned(parameters, tension_N)
-    farthest_m = reach_m * min(detwinned, 1.0 - detwinned)
+    farthest_m = reach_m(parameters, tension_N)
     displacement_m = min(max(start.displacement_m, -farthest_m), farthest_m)
     return replace(start, displacement_m=displacement_m, tension_N=tension_N)
+
+
+def tensions_N(parameters: ParameterSet) -> tuple[float, float]:
+    """Least and largest tension of a mounted pair that is all martensite."""
+    longer_m = parameters["initial_deflection"]
+    shorter_m = max(longer_m - parameters["max_deflection"], 0.0)
+    stiffness = martensite_stiffness(parameters)
+    return stiffness * shorter_m, stiffness * longer_m
+
+
+def reach_m(parameters: ParameterSet, tension_N: float | None = None) -> float:
+    """How far from where it was mounted a pair can stand under a tension, all martensite."""
+    detwinned = initial_detwinned(parameters, tension_N)
+    return parameters["max_deflection"] * min(detwinned, 1.0 - detwinned)

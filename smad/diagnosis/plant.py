@@ -199,8 +199,8 @@ class StartReading:
     """
 
     error: float
-    low: float
-    high: float
+    low: float = -math.inf
+    high: float = math.inf
     above: str = ""
 
     def counted(self, name: str, values: Mapping[str, float]) -> float:

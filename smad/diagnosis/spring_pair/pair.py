@@ -2,7 +2,7 @@
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,6 +17,7 @@ from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.errors import InputError, PlantError
 from sim_device.plant.parameters import BUILT_IN, spring_factors
 from sim_device.plant.places import PLACES, STATES, check_place_needs
+from sim_device.plant.start import reach_m, tensions_N
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.places.place import Forcing, Place
 from smad.diagnosis.plant import (
@@ -26,6 +27,7 @@ from smad.diagnosis.plant import (
     Experiment,
     ModelPoint,
     Parameter,
+    Traits,
     Uncertainty,
     clipped,
 )
@@ -36,6 +38,8 @@ from smad.diagnosis.spring_pair.replays import GivenPoint, GivenRun
 
 _POINTS = 64
 _RUNS = 64
+_SPARE = 1.1
+"""Springs may stand so much further than those of the parameter set."""
 _WIDE = 0.4
 _WIDE_K = 6.0
 
@@ -92,10 +96,20 @@ class SmaPlant:
     only: tuple[str, ...] | None = None
 
     name = "spring pair"
-    traits = signals.TRAITS
     inputs = signals.INPUTS
     channels = signals.CHANNELS
     regimes = staticmethod(signals.regimes)
+
+    @cached_property
+    def traits(self) -> Traits:
+        """Usual variation; its runs start where springs that are all martensite can stand."""
+        reach_mm = _SPARE * 1e3 * reach_m(self.parameter_set)
+        loosest_N, tautest_N = tensions_N(self.parameter_set)
+        low_N, high_N = loosest_N / _SPARE, _SPARE * tautest_N
+        starts = dict(signals.TRAITS.starts)
+        starts["displacement_mm"] = replace(starts["displacement_mm"], low=-reach_mm, high=reach_mm)
+        starts["force_N"] = replace(starts["force_N"], low=low_N, high=high_N)
+        return replace(signals.TRAITS, starts=starts)
 
     @cached_property
     def _given_point(self) -> Callable[[ModelPoint], GivenPoint]:

@@ -81,14 +81,13 @@ TRAITS = Traits(
     starts={
         "rtd_x_degC": StartReading(error=0.05, low=-5.0, high=20.0, above="rtd_inlet_degC"),
         "rtd_y_degC": StartReading(error=0.05, low=-5.0, high=20.0, above="rtd_inlet_degC"),
-        "displacement_mm": StartReading(error=0.02, low=-3.5, high=3.5),
-        "force_N": StartReading(error=0.005, low=0.8, high=1.6),
+        "displacement_mm": StartReading(error=0.02),
+        "force_N": StartReading(error=0.005),
     },
     longest_step_s=LONGEST_STEP_S,
 )
 """Loss, flow, film and temperatures beyond what is measured. Water and room wander within a run.
-Beyond the limits of `starts` no spring of set A stands that is all martensite; errors of it are
-what a second of readings does not average out."""
+Errors of `starts` are what a second of readings does not average out."""
 _RATE_TAU_S = 0.3
 
 
