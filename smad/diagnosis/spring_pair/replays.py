@@ -4,9 +4,9 @@ A fit replays a run thousands of times, and a point on every run. What depends o
 point alone is computed once (`GivenRun`, `GivenPoint`) and cached.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -26,6 +26,8 @@ from smad.diagnosis.spring_pair.steps import LONGEST_STEP_S, STEP_S, Steps
 
 _OPTIONS = {"fixture": "antagonistic", "cooling": "water"}
 _FAST_STEP_S = 1e-2
+_POINTS = 4
+"""Points whose starts are kept: those of one step of a fit."""
 _RETRIES = (1.0, 0.1, 0.03)
 """Shares of the step to try: at a kink of the kinetics the kernel may find no solution."""
 _READINGS = ("rtd_x_degC", "rtd_y_degC", "displacement_m", "force_N")
@@ -75,7 +77,7 @@ class GivenRun:
         self.run = run
         self._began = run.at_start(TRAITS.environment.values())
 
-    def inputs(self, point: GivenPoint, forcing: Forcing, steps: Steps | None = None) -> Inputs:
+    def inputs(self, point: GivenPoint, steps: Steps | None = None) -> Inputs:
         """Inputs of a replay, a row for each sample, or for each of the `steps`.
 
         The pair starts where the run says, water and room where the run measured them at its start.
@@ -83,7 +85,7 @@ class GivenRun:
         """
         inputs = self.recorded if steps is None else steps.inputs
         inlet_K, ambient_K = (self._around(point, *pair) for pair in TRAITS.environment.items())
-        at = self.starts(point, forcing)
+        at = self.starts(point)
         start = Start(
             displacement_m=1e-3 * at.get("displacement_mm", 0.0),
             tension_N=at.get("force_N"),
@@ -91,15 +93,17 @@ class GivenRun:
         )
         return inputs.surrounded(inlet_K, ambient_K, point.root["y"], start)
 
-    def starts(self, point: GivenPoint, forcing: Forcing) -> dict[str, float]:
+    @cached_property
+    def starts(self) -> Callable[[GivenPoint], dict[str, float]]:
         """Where the pair starts by channel; if the run says what it read there, less what the
-        sensors of the model add."""
+        sensors of a point add. Of a law at a reading this is so, of a forcing there it is not."""
+        return lru_cache(_POINTS)(self._starts)
+
+    def _starts(self, point: GivenPoint) -> dict[str, float]:
         at = dict(self.run.starts)
         if not self.run.starts_read or not at:
             return at
-        n = len(self._first.run.t_s)
-        first = {key: np.asarray(series)[:n] for key, series in forcing.items()}
-        outputs = self._first.forced(point, first, fast=True)
+        outputs = self._first.forced(point, {}, fast=True)
         shown = {name: float(column[0]) for name, column in outputs.items()}
         return stands(TRAITS, at, shown)
 
@@ -162,7 +166,7 @@ class GivenRun:
 
     def trajectory(self, point: GivenPoint, *, fast: bool) -> dict[str, Array]:
         """All states that a law may depend on, (n,) each."""
-        inputs = self.inputs(point, {})
+        inputs = self.inputs(point)
         replay = Replay(inputs, variant=point.variant, forcing=self.offsets(inputs.t_s))
         return trajectory(replay, point.setup, dt_s=self._quick_s if fast else STEP_S)
 
@@ -176,11 +180,11 @@ class GivenRun:
 
         Currents are in force over a sample already, and voltages go with their means.
         """
-        steps, dt_s, whole_forcing = None if fast else self.steps(forcing), self._quick_s, forcing
+        steps, dt_s = None if fast else self.steps(forcing), self._quick_s
         if steps is not None:
             dt_s = LONGEST_STEP_S
             forcing = {key: np.asarray(series)[steps.sample] for key, series in forcing.items()}
-        inputs = self.inputs(point, whole_forcing, steps)
+        inputs = self.inputs(point, steps)
         offsets = self.offsets(inputs.t_s)
         forcing = {**forcing, **{key: x + forcing.get(key, 0.0) for key, x in offsets.items()}}
         replay = Replay(inputs, variant=point.variant, forcing=forcing, outputs=_OUTPUTS)

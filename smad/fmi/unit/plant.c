@@ -71,7 +71,7 @@ static bool plant_start(Plant *plant) {
     if (!(mount.xi_S >= 0.0 && mount.xi_S <= 1.0))
         return refuse(plant, "initial_force and initial_deflection do not fit the moduli: Eq. (10) gives %g, outside 0 to 1", mount.xi_S);
     if (UNIFIED) k_lay_curves(&plant->model);
-    mount.T_start = plant->values[STARTS_AT];
+    mount.T_x = mount.T_y = plant->values[STARTS_AT];
     mount.T_inlet = plant->values[INLET];
     mount.T_air = plant->values[AMBIENT];
     memset(&plant->state, 0, sizeof plant->state);
