@@ -1,7 +1,8 @@
 """Where runs start: where they read at their start, not where the bench was mounted.
 
-What the springs keep of the runs and strokes before is left out of every recording. With nothing
-missing, a replay from where it was mounted would leave 14 floors of such a run.
+What springs keep of the runs and strokes before is in no recording. Once they are cold, all
+martensite, it is in what they read: temperatures, displacement and tension. Replayed from where it
+was mounted, a bench that lacks nothing would leave many floors of such a run.
 """
 
 from __future__ import annotations
