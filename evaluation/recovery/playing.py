@@ -41,10 +41,8 @@ class Bench:
         return ModelPoint(self.theta, self.effects)
 
     def everyday(self, names: Sequence[str], seed: int, *, word: str = "") -> list[GapRun]:
-        """Runs of the catalogue on a used bench, each with a seed of its own."""
-        runs = [
-            recorded(n, self.plant, self.point, seed + k, used=True) for k, n in enumerate(names)
-        ]
+        """Runs of the catalogue, each with a seed of its own."""
+        runs = [recorded(n, self.plant, self.point, seed + k) for k, n in enumerate(names)]
         return [replace(r, name=f"{word}{r.name}") for r in runs]
 
     def programme(self, seed: int, count: int = RUNS) -> list[GapRun]:

@@ -42,19 +42,13 @@ def within_reach(parameters: ParameterSet, start: Start) -> Start:
     """
     tension_N = start.tension_N
     if tension_N is not None:
-        loosest_N, tautest_N = tensions_N(parameters)
-        tension_N = min(max(tension_N, loosest_N), tautest_N)
+        longer_m = parameters["initial_deflection"]
+        shorter_m = max(longer_m - parameters["max_deflection"], 0.0)
+        stiffness = martensite_stiffness(parameters)
+        tension_N = min(max(tension_N, stiffness * shorter_m), stiffness * longer_m)
     farthest_m = reach_m(parameters, tension_N)
     displacement_m = min(max(start.displacement_m, -farthest_m), farthest_m)
     return replace(start, displacement_m=displacement_m, tension_N=tension_N)
-
-
-def tensions_N(parameters: ParameterSet) -> tuple[float, float]:
-    """Least and largest tension of a mounted pair that is all martensite."""
-    longer_m = parameters["initial_deflection"]
-    shorter_m = max(longer_m - parameters["max_deflection"], 0.0)
-    stiffness = martensite_stiffness(parameters)
-    return stiffness * shorter_m, stiffness * longer_m
 
 
 def reach_m(parameters: ParameterSet, tension_N: float | None = None) -> float:

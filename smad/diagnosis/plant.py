@@ -195,13 +195,15 @@ class StartReading:
     """A channel that says where a run starts, and by how much that is usually wrong.
 
     `above` is the channel from which it is counted, if any. A reading outside `low` to `high` says
-    nothing of a start: no bench can start there.
+    nothing of a start: no bench can start there. Where it is not `taken`, a replay starts as
+    mounted, give or take the error.
     """
 
     error: float
     low: float = -math.inf
     high: float = math.inf
     above: str = ""
+    taken: bool = True
 
     def counted(self, name: str, values: Mapping[str, float]) -> float:
         """The value of this channel, counted from that below it. Raises KeyError without one."""

@@ -166,10 +166,18 @@ class GapRun:
 
     def at_start(self, channels: Iterable[str]) -> dict[str, float]:
         """Median of the valid samples of each measured channel in the first second, by name."""
-        good = self.good[: max(1, round(1.0 / max(self.dt_s, 1e-6)))]
-        seen = {c: self.outputs[c][: len(good)][good] for c in channels if c in self.outputs}
+        whole = self.as_recorded
+        good = whole.good[: max(1, round(1.0 / max(whole.dt_s, 1e-6)))]
+        seen = {c: whole.outputs[c][: len(good)][good] for c in channels if c in whole.outputs}
         finite = {c: v[np.isfinite(v)] for c, v in seen.items()}
         return {c: float(np.median(v)) for c, v in finite.items() if len(v)}
+
+    @property
+    def undriven(self) -> GapRun:
+        """The run up to the first sample with an input that is not 0, at least one sample."""
+        whole = self.as_recorded
+        driven = np.any([np.nan_to_num(column) != 0.0 for column in whole.inputs.values()], axis=0)
+        return whole.part(0, max(int(np.argmax(driven)) if driven.any() else len(driven), 1))
 
     def with_columns(
         self, inputs: Mapping[str, Array] | None = None, outputs: Mapping[str, Array] | None = None

@@ -80,9 +80,9 @@ def admit(
                 contract_checked = True
             run = _compared(run, given, plant, period_s, of_run)
         if not _refused(of_run):
-            admitted.append(run)
+            admitted.append(started(plant, run))
         findings += of_run
-    return RunSet(tuple(runs), tuple(started(plant, admitted)), tuple(findings))
+    return RunSet(tuple(runs), tuple(admitted), tuple(findings))
 
 
 def row_of_admitted_s(runs: Sequence[GapRun], plant: PlantModel) -> float:

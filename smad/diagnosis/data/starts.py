@@ -1,8 +1,9 @@
 """Where runs start: where they read at their start, not where the bench was mounted.
 
 What springs keep of the runs and strokes before is in no recording. Once they are cold, all
-martensite, it is in what they read: temperatures, displacement and tension. Replayed from where it
-was mounted, a bench that lacks nothing would leave many floors of such a run.
+martensite, it is in what they read: their temperatures and the displacement. (What play, friction
+and a drained tube keep is not.) Replayed from where it was mounted, a bench that lacks nothing
+would leave many floors of such a run.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ def usual_starts(plant: PlantModel, groups: Sequence[Sequence[GapRun]]) -> list[
     off. A group without a reading gets the mean of the others.
     """
     out: list[dict[str, float]] = [{} for _ in groups]
-    for name, reading in traits_of(plant).starts.items():
+    taken = {name: r for name, r in traits_of(plant).starts.items() if r.taken}
+    for name, reading in taken.items():
         means = [_mean_start(group, name, reading) for group in groups]
         known = [mean for mean in means if mean is not None]
         if known and reading.low < min(known) and max(known) < reading.high:
@@ -36,39 +38,38 @@ def usual_starts(plant: PlantModel, groups: Sequence[Sequence[GapRun]]) -> list[
 def _mean_start(repeats: Sequence[GapRun], name: str, reading: StartReading) -> float | None:
     """Mean of a channel at the start of repeats; None where none has the readings."""
     needed = {name, reading.above} - {""}
-    read = [run.at_start(needed) for run in repeats]
+    read = [run.undriven.at_start(needed) for run in repeats]
     found = [reading.counted(name, values) for values in read if needed <= values.keys()]
     return float(np.mean(found)) if found else None
 
 
-def started(plant: PlantModel, runs: Sequence[GapRun]) -> list[GapRun]:
-    """The runs, each to be replayed from where it reads; one that says where it starts is kept."""
-    starts = usual_starts(plant, [[run] for run in runs])
-    return [
-        run if run.starts else replace(run, starts=read, starts_read=True)
-        for run, read in zip(runs, starts, strict=True)
-    ]
+def started(plant: PlantModel, run: GapRun) -> GapRun:
+    """The run, to be replayed from where it reads; one that says where it starts is kept."""
+    (starts,) = usual_starts(plant, [[run]])
+    return run if run.starts or not starts else replace(run, starts=starts, starts_read=True)
 
 
 def stands(
-    traits: Traits, starts: Mapping[str, float], shown: Mapping[str, float]
+    traits: Traits, reads: Mapping[str, float], at: Mapping[str, float], shown: Mapping[str, float]
 ) -> dict[str, float]:
-    """Where a model stands that reads `starts`, if it shows `shown` where it stands at `starts`.
+    """Where a model stands that is to read `reads`, if it shows `shown` where it stands `at`.
 
     Its sensors add the difference.
     """
     return {
-        name: 2.0 * value - traits.starts[name].counted(name, shown)
-        for name, value in starts.items()
+        name: at[name] + value - traits.starts[name].counted(name, shown)
+        if traits.starts[name].taken
+        else value
+        for name, value in reads.items()
     }
 
 
 def standing(plant: PlantModel, point: ModelPoint, played: Played) -> Played:
     """The run, started where the model at `point` stands when it reads what the run says."""
-    starts = played.run.starts
+    reads = played.run.starts
     stood = played.with_fields(starts_read=False)
-    if not starts:
+    if not reads:
         return stood
     (predicted,) = predictions(plant, point, [stood], exact=True)
     shown = {c.name: float(y) for c, y in zip(plant.channels, predicted[0], strict=True)}
-    return stood.with_fields(starts=stands(traits_of(plant), starts, shown))
+    return stood.with_fields(starts=stands(traits_of(plant), reads, reads, shown))

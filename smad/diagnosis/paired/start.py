@@ -35,7 +35,8 @@ def distances(
     out = {}
     first = slice(max(round(_START_S / period_s), 1))
     names = [channel.name for channel in plant.channels]
-    for name, reading in traits_of(plant).starts.items():
+    for name, start in usual.items():
+        reading = traits_of(plant).starts[name]
         c = names.index(name)
         seen = rows.valid[first, c]
         if not seen.any():
@@ -44,7 +45,7 @@ def distances(
         noise = float(rows.sd[first, c][seen].mean())
         days = rows.day_sd * rows.day[:, first, c][:, seen].mean(axis=1)
         further = abs(away) > _ELSEWHERE * np.hypot(noise, np.linalg.norm(days))
-        if further and reading.low < usual.get(name, 0.0) + away < reading.high:
+        if further and reading.low < start + away < reading.high:
             out[name] = away
     return out
 
@@ -62,7 +63,7 @@ def directions(
     """
     usual = again.run.starts
     starts = [
-        again.with_fields(starts={**usual, name: usual.get(name, 0.0) + distance})
+        again.with_fields(starts={**usual, name: usual[name] + distance})
         for name, distance in away.items()
     ]
     moved = np.array(predictions(plant, point, starts, exact=True)).reshape(-1, *predicted.shape)

@@ -334,11 +334,13 @@ def drift_directions(plant: PlacesPlant, point: ModelPoint, played: Played) -> A
 
 def start_directions(plant: PlantModel, point: ModelPoint, played: Played) -> list[Array]:
     """What the usual error of each reading that a run starts from does, (bins, channels) each."""
-    starts, readings = played.run.starts, traits_of(plant).starts
+    starts = played.run.starts
     away = [
-        played.with_fields(starts={**starts, name: value + readings[name].error})
-        for name, value in starts.items()
-        if name in readings
+        played.with_fields(starts={**starts, name: starts.get(name, 0.0) + reading.error})
+        for name, reading in traits_of(plant).starts.items()
+        if name in starts or not reading.taken
     ]
+    if not away:
+        return []
     base, *moved = predictions(plant, point, [played, *away], exact=True)
     return [np.nan_to_num(values - base) for values in moved]

@@ -4,6 +4,7 @@ import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache, partial
+from math import inf
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,7 +18,7 @@ from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.errors import InputError, PlantError
 from sim_device.plant.parameters import BUILT_IN, spring_factors
 from sim_device.plant.places import PLACES, STATES, check_place_needs
-from sim_device.plant.start import reach_m, tensions_N
+from sim_device.plant.start import reach_m
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.places.place import Forcing, Place
 from smad.diagnosis.plant import (
@@ -103,12 +104,16 @@ class SmaPlant:
     @cached_property
     def traits(self) -> Traits:
         """Usual variation; its runs start where springs that are all martensite can stand."""
-        reach_mm = _SPARE * 1e3 * reach_m(self.parameter_set)
-        loosest_N, tautest_N = tensions_N(self.parameter_set)
-        low_N, high_N = loosest_N / _SPARE, _SPARE * tautest_N
-        starts = dict(signals.TRAITS.starts)
-        starts["displacement_mm"] = replace(starts["displacement_mm"], low=-reach_mm, high=reach_mm)
-        starts["force_N"] = replace(starts["force_N"], low=low_N, high=high_N)
+        p = self.parameter_set
+        reach_mm = _SPARE * 1e3 * reach_m(p)
+        c1, _ = spring_factors(p)
+        austenite_K = p["austenite_start"] + c1 * p["initial_force"] / p["slope_austenite"]
+        warmer_K = austenite_K - p["water_temperature"]
+        farthest = {"displacement_mm": reach_mm, "rtd_x_degC": warmer_K, "rtd_y_degC": warmer_K}
+        starts = {
+            name: replace(reading, low=-farthest.get(name, inf), high=farthest.get(name, inf))
+            for name, reading in signals.TRAITS.starts.items()
+        }
         return replace(signals.TRAITS, starts=starts)
 
     @cached_property

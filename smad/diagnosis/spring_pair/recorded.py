@@ -22,15 +22,6 @@ _NAMES = (
 _CONTROL = ControlConfig(kp_A_per_mm=15.0, ki_A_per_mm_s=3.0)
 """The gains that the experiments of the catalogue were tried with; the shipped ones are quicker."""
 
-_STROKES = (
-    (Drive(i_A=(0.0, 2.9)), 9.0),
-    (Drive(pump_duty=(0.0, 1.0)), 20.0),
-    (Drive(i_A=(2.9, 0.0)), 9.0),
-    (Drive(pump_duty=(1.0, 0.0)), 20.0),
-    (Drive(), 5.0),
-)
-"""Each spring heated to about 45 °C and cooled, and for how many seconds."""
-
 
 def recorded(
     experiment: str,
@@ -41,13 +32,11 @@ def recorded(
     noise: bool = True,
     duration_s: float | None = None,
     rate_hz: float = RATE_HZ,
-    used: bool = False,
 ) -> GapRun:
     """The run that a bench at `point` gives for an experiment of the catalogue.
 
     `seed` draws the experiment's random levels and, with `noise`, the sensors' noise; without it
-    the channels are not rounded either. A bench that was `used` has made a stroke of each spring
-    before, which the run does not have. Raises GapError for a name that is not in the catalogue.
+    the channels are not rounded either. Raises GapError for a name that is not in the catalogue.
     """
     timeline = timeline_named(experiment)
     pending = timeline.commands(seed)
@@ -58,9 +47,6 @@ def recorded(
     plant = Plant(
         parameters, variant=model.variant, effects=model.acting(point), laws=point.laws, seed=seed
     )
-    if used:
-        for before, held_s in _STROKES:
-            plant.advance(before, held_s)
     controller = Controller(_CONTROL, LimitsConfig())
     n = round((timeline.duration_s if duration_s is None else duration_s) * rate_hz)
     rows = np.empty((n, len(_NAMES)))

@@ -26,8 +26,10 @@ from smad.diagnosis.spring_pair.steps import LONGEST_STEP_S, STEP_S, Steps
 
 _OPTIONS = {"fixture": "antagonistic", "cooling": "water"}
 _FAST_STEP_S = 1e-2
-_POINTS = 4
-"""Points whose starts are kept: those of one step of a fit."""
+_POINTS = 2
+"""Points whose starts are kept: one is replayed under many forcings, often beside another."""
+_CORRECTIONS = 2
+"""After two, what a sensor with a gain adds is known to a hundredth."""
 _RETRIES = (1.0, 0.1, 0.03)
 """Shares of the step to try: at a kink of the kinetics the kernel may find no solution."""
 _READINGS = ("rtd_x_degC", "rtd_y_degC", "displacement_m", "force_N")
@@ -73,9 +75,10 @@ class GivenPoint:
 class GivenRun:
     """A recorded run, and its replays."""
 
-    def __init__(self, run: GapRun) -> None:
+    def __init__(self, run: GapRun, began: Mapping[str, float] | None = None) -> None:
         self.run = run
-        self._began = run.at_start(TRAITS.environment.values())
+        environment = TRAITS.environment.values()
+        self._began = run.at_start(environment) if began is None else began
 
     def inputs(self, point: GivenPoint, steps: Steps | None = None) -> Inputs:
         """Inputs of a replay, a row for each sample, or for each of the `steps`.
@@ -86,31 +89,34 @@ class GivenRun:
         inputs = self.recorded if steps is None else steps.inputs
         inlet_K, ambient_K = (self._around(point, *pair) for pair in TRAITS.environment.items())
         at = self.starts(point)
+        more_N = at.get("force_N", 0.0)
         start = Start(
             displacement_m=1e-3 * at.get("displacement_mm", 0.0),
-            tension_N=at.get("force_N"),
+            tension_N=point.parameters["initial_force"] + more_N if more_N else None,
             wires_K=(inlet_K + at.get("rtd_x_degC", 0.0), inlet_K + at.get("rtd_y_degC", 0.0)),
         )
         return inputs.surrounded(inlet_K, ambient_K, point.root["y"], start)
 
     @cached_property
     def starts(self) -> Callable[[GivenPoint], dict[str, float]]:
-        """Where the pair starts by channel; if the run says what it read there, less what the
-        sensors of a point add. Of a law at a reading this is so, of a forcing there it is not."""
+        """Where the pair starts by channel, of the force how much more than as mounted.
+
+        If the run says what it read there, that is less what effects and laws of a point add at
+        the sensors. A forcing there adds nothing to a start.
+        """
         return lru_cache(_POINTS)(self._starts)
 
     def _starts(self, point: GivenPoint) -> dict[str, float]:
-        at = dict(self.run.starts)
-        if not self.run.starts_read or not at:
-            return at
-        outputs = self._first.forced(point, {}, fast=True)
-        shown = {name: float(column[0]) for name, column in outputs.items()}
-        return stands(TRAITS, at, shown)
-
-    @cached_property
-    def _first(self) -> "GivenRun":
-        """The first samples, from the readings as they are."""
-        return GivenRun(replace(self.run.part(0, 2), whole=None, starts_read=False))
+        reads = self.run.starts
+        at = dict(reads)
+        if self.run.starts_read and reads:
+            first = replace(self.run.part(0, 2), whole=None, starts_read=False)
+            for _ in range(_CORRECTIONS):
+                begun = GivenRun(replace(first, starts=at), self._began)
+                outputs = begun.forced(point, {}, fast=True)
+                shown = {name: float(column[0]) for name, column in outputs.items()}
+                at = stands(TRAITS, reads, at, shown)
+        return at
 
     def offsets(self, t_s: Array) -> dict[tuple[str, str], Array]:
         """The forcing of the sensors by the run's offsets, at times (m,)."""

@@ -21,7 +21,7 @@ from smad.diagnosis.rivals.evidence import Evidence, without_drifts
 from smad.diagnosis.rivals.fit import replayed
 from smad.diagnosis.rivals.rival import free_model
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.verdict import QUIET
+from smad.diagnosis.verdict import PARAMETERS, QUIET
 
 from .short import PLANT, played, starting_at
 
@@ -109,7 +109,7 @@ def test_good_runs_that_start_elsewhere_than_mounted_do_not_move_the_zero(
     channel = [c.name for c in PLANT.channels].index("displacement_mm")
     off = np.where(run.valid, run.mean - run.base, 0.0)[:, channel]
     starts = dict(run.played.run.starts)
-    assert starts.keys() == PLANT.traits.starts.keys()
+    assert starts.keys() == {"displacement_mm", "rtd_x_degC", "rtd_y_degC"}
     assert starts["displacement_mm"] == pytest.approx(away_mm, abs=0.05)
     assert abs(reference.point.theta.get("displacement_zero", 0.0)) < 0.1
     assert np.sqrt((off**2).mean()) < 0.05
@@ -156,3 +156,9 @@ def test_a_start_is_no_change_and_a_reading_that_stays_off_is_one() -> None:
     assert misread.causes[0].place == "reading_displacement"
     for verdict in (started, misread):
         assert any("began elsewhere than its good run" in note for note in verdict.notes)
+
+
+def test_a_pair_that_has_lost_preload_is_not_called_quiet() -> None:
+    reference = commissioned(PLANT, [[played(s, moved=STEADY, what=RUN) for s in (1, 2)]])
+    slack = played(10, moved=STEADY | {"initial_force": 0.92}, what=RUN)
+    assert judge_runs(PLANT, reference, [(slack, RUN.name)]).verdict.outcome == PARAMETERS

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from smad.checkup.programme import shipped
+from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.starts import started, usual_starts
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.verify import verified
 from tests.smad.checkup.short import PLANT, played
 
@@ -54,30 +56,74 @@ def test_a_reading_that_is_off_at_the_start_is_a_drift_of_its_run() -> None:
 
 
 def test_a_run_starts_with_what_it_reads_temperatures_above_those_of_the_water() -> None:
-    (run,) = started(PLANT, [used(1)])
+    run = started(PLANT, used(1))
     read = run.at_start(PLANT.traits.starts)
     water = run.at_start(["rtd_inlet_degC"])["rtd_inlet_degC"]
     assert run.starts["displacement_mm"] == read["displacement_mm"]
-    assert run.starts["force_N"] == read["force_N"]
+    assert "force_N" not in run.starts
     assert run.starts["rtd_x_degC"] == pytest.approx(read["rtd_x_degC"] - water)
     assert run.starts["rtd_x_degC"] > 0.1
     shown = PLANT.simulate(TRUE, run)
-    for name, tolerance in (("displacement_mm", 0.01), ("force_N", 2e-3), ("rtd_x_degC", 0.05)):
+    for name, tolerance in (("displacement_mm", 0.01), ("rtd_x_degC", 0.05)):
         assert shown[name][0] == pytest.approx(read[name], abs=tolerance)
 
 
-def test_a_run_without_a_reading_starts_at_the_mean_of_the_others() -> None:
+def test_a_group_without_a_reading_starts_at_the_mean_of_the_others() -> None:
     one, other, blind = used(1), used(2, first="x"), used(3)
     blind = replace(blind, outputs={"force_N": blind.outputs["force_N"]})
-    *others, alone = (run.starts for run in started(PLANT, [one, other, blind]))
+    *others, alone = usual_starts(PLANT, [[one], [other], [blind]])
     assert alone["displacement_mm"] == pytest.approx(
         np.mean([starts["displacement_mm"] for starts in others])
     )
 
 
+@pytest.mark.parametrize(
+    ("column", "more"), [("displacement_mm", 20.0), ("displacement_mm", -5.0), ("rtd_x_degC", 12.0)]
+)
+def test_a_reading_that_no_cold_bench_has_is_no_start_of_its_run_or_group(
+    column: str, more: float
+) -> None:
+    one, other = used(1), used(2)
+    off = one.with_columns(outputs={column: one.outputs[column] + more})
+    assert column not in started(PLANT, off).starts
+    assert column in started(PLANT, other).starts
+    assert all(column not in starts for starts in usual_starts(PLANT, [[off], [other]]))
+
+
+def test_a_run_that_is_driven_from_its_first_sample_starts_where_that_reads() -> None:
+    cold = used(1)
+    driven = {name: np.array(column) for name, column in cold.inputs.items()}
+    driven["i_applied_x_A"][:300] = 3.0
+    run = GapRun("driven", cold.t_s, driven, cold.outputs)
+    hot = run.with_columns(outputs=PLANT.simulate(TRUE, replace(run, starts={})))
+    read = started(PLANT, hot).starts
+    assert hot.at_start(["rtd_x_degC"])["rtd_x_degC"] > hot.outputs["rtd_x_degC"][0] + 0.3
+    assert read["rtd_x_degC"] == pytest.approx(
+        hot.outputs["rtd_x_degC"][0] - hot.outputs["rtd_inlet_degC"][0]
+    )
+
+
+def test_a_thinned_run_starts_as_the_one_it_was_thinned_from() -> None:
+    run = used(1)
+    bad = np.zeros(len(run.t_s), dtype=bool)
+    bad[:100:4] = True
+    marked = replace(run, valid=~bad)
+    quick = Played.of(marked, PLANT.inputs).run
+    assert len(quick.t_s) < len(run.t_s)
+    names = ("rtd_inlet_degC", "displacement_mm")
+    assert quick.at_start(names) == marked.at_start(names)
+
+
+def test_a_sensor_that_is_off_reads_at_the_start_what_the_run_reads() -> None:
+    effect = {"rtd_offset": {"offset_K": 1.0}}
+    plant = SmaPlant(only=tuple(effect))
+    shown = plant.simulate(ModelPoint({}, effect), started(plant, used(1)))
+    assert shown["rtd_x_degC"][0] == pytest.approx(used(1).outputs["rtd_x_degC"][0], abs=0.1)
+
+
 def test_a_start_that_the_caller_gave_is_kept() -> None:
     given = {"displacement_mm": 0.6}
-    assert started(PLANT, [replace(used(1), starts=given)])[0].starts == given
+    assert started(PLANT, replace(used(1), starts=given)).starts == given
 
 
 def test_samples_that_are_marked_bad_say_nothing_of_a_start() -> None:
