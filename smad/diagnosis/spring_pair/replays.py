@@ -4,9 +4,9 @@ A fit replays a run thousands of times, and a point on every run. What depends o
 point alone is computed once (`GivenRun`, `GivenPoint`) and cached.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
@@ -26,8 +26,8 @@ from smad.diagnosis.spring_pair.steps import LONGEST_STEP_S, STEP_S, Steps
 
 _OPTIONS = {"fixture": "antagonistic", "cooling": "water"}
 _FAST_STEP_S = 1e-2
-_POINTS = 2
-"""Points whose starts are kept: one is replayed under many forcings, often beside another."""
+_KEPT = 64
+"""Effects and laws with which starts of a run are kept; a fit moves the parameters beside them."""
 _CORRECTIONS = 2
 """After two, what a sensor with a gain adds is known to a hundredth."""
 _RETRIES = (1.0, 0.1, 0.03)
@@ -68,6 +68,8 @@ class GivenPoint:
             **_OPTIONS,
         )
         self.zero_mm = point.theta.get("displacement_zero", 0.0)
+        self.acting = repr((sorted(plant.acting(point).items()), point.laws))
+        self.unmoved = partial(GivenPoint, plant, replace(point, theta={}))
         # Heat and voltage go with the resistance of each spring.
         self.root = {"x": 1.0, "y": (1.0 + point.theta.get("side_resistance", 0.0)) ** 0.5}
 
@@ -79,6 +81,7 @@ class GivenRun:
         self.run = run
         environment = TRAITS.environment.values()
         self._began = run.at_start(environment) if began is None else began
+        self._starts: dict[str, dict[str, float]] = {}
 
     def inputs(self, point: GivenPoint, steps: Steps | None = None) -> Inputs:
         """Inputs of a replay, a row for each sample, or for each of the `steps`.
@@ -97,23 +100,32 @@ class GivenRun:
         )
         return inputs.surrounded(inlet_K, ambient_K, point.root["y"], start)
 
-    @cached_property
-    def starts(self) -> Callable[[GivenPoint], dict[str, float]]:
+    def starts(self, point: GivenPoint) -> dict[str, float]:
         """Where the pair starts by channel, of the force how much more than as mounted.
 
         If the run says what it read there, that is less what effects and laws of a point add at
-        the sensors. A forcing there adds nothing to a start.
+        the sensors, with the nominal parameters, and the encoder's zero. A forcing there adds
+        nothing to a start.
         """
-        return lru_cache(_POINTS)(self._starts)
+        kept = self._starts.get(point.acting)
+        if kept is None:
+            kept = self._less_sensors(point.unmoved())
+            if len(self._starts) >= _KEPT:
+                self._starts.clear()
+            self._starts[point.acting] = kept
+        at = dict(kept)
+        if self.run.starts_read and "displacement_mm" in at:
+            at["displacement_mm"] -= point.zero_mm
+        return at
 
-    def _starts(self, point: GivenPoint) -> dict[str, float]:
+    def _less_sensors(self, unmoved: GivenPoint) -> dict[str, float]:
         reads = self.run.starts
         at = dict(reads)
         if self.run.starts_read and reads:
             first = replace(self.run.part(0, 2), whole=None, starts_read=False)
             for _ in range(_CORRECTIONS):
                 begun = GivenRun(replace(first, starts=at), self._began)
-                outputs = begun.forced(point, {}, fast=True)
+                outputs = begun.forced(unmoved, {}, fast=True)
                 shown = {name: float(column[0]) for name, column in outputs.items()}
                 at = stands(TRAITS, reads, at, shown)
         return at
