@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from smad.checkup.programme import shipped
+from smad.diagnosis import diagnose
 from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.starts import started, usual_starts
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.verdict import QUIET
 from smad.diagnosis.verify import verified
 from tests.smad.checkup.short import PLANT, played
 
@@ -46,6 +48,13 @@ def test_an_unchanged_bench_that_was_used_before_leaves_its_floor() -> None:
     as_mounted = [replace(run, starts={"displacement_mm": 0.0}) for run in runs]
     *_, whole = verified(PLANT, as_mounted, TRUE)
     assert whole.raw > 5.0
+
+
+def test_nothing_is_missing_in_the_simulator_of_an_unchanged_bench_that_was_used_before() -> None:
+    verdict = diagnose([used(1), used(2, first="x")], plant=PLANT).verdict
+    assert verdict.outcome == QUIET
+    assert verdict.whole is not None
+    assert verdict.whole.raw < 1.3
 
 
 def test_a_reading_that_is_off_at_the_start_is_a_drift_of_its_run() -> None:
