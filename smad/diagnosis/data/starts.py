@@ -16,6 +16,7 @@ import numpy as np
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.plant import ModelPoint, PlantModel, StartReading, Traits, traits_of
 from smad.diagnosis.runs import GapRun
+from smad.units import in_words
 
 
 def usual_starts(plant: PlantModel, groups: Sequence[Sequence[GapRun]]) -> list[dict[str, float]]:
@@ -47,6 +48,21 @@ def started(plant: PlantModel, run: GapRun) -> GapRun:
     """The run, to be replayed from where it reads; one that says where it starts is kept."""
     (starts,) = usual_starts(plant, [[run]])
     return run if run.starts or not starts else replace(run, starts=starts, starts_read=True)
+
+
+def no_starts(plant: PlantModel, run: GapRun) -> list[str]:
+    """What a run reads at its start and no cold bench has, in words."""
+    unit = {channel.name: in_words(channel.unit) for channel in plant.channels}
+    out = []
+    for name, reading in traits_of(plant).starts.items():
+        value = _mean_start([run], name, reading) if reading.taken else None
+        if value is not None and not reading.low < value < reading.high:
+            above = f" above {reading.above}" if reading.above else ""
+            out.append(
+                f"{name} reads {value:.1f} {unit[name]}{above} at the start, as no cold bench "
+                "does: the replay starts as mounted; let the springs cool before a recording"
+            )
+    return out
 
 
 def stands(

@@ -7,6 +7,8 @@ import pytest
 
 from smad.checkup.programme import shipped
 from smad.diagnosis import diagnose
+from smad.diagnosis.data.admission import admit
+from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.starts import started, usual_starts
 from smad.diagnosis.plant import ModelPoint
@@ -97,6 +99,21 @@ def test_a_reading_that_no_cold_bench_has_is_no_start_of_its_run_or_group(
     assert column not in started(PLANT, off).starts
     assert column in started(PLANT, other).starts
     assert all(column not in starts for starts in usual_starts(PLANT, [[off], [other]]))
+
+
+def test_admission_says_of_a_run_that_starts_warm_that_its_replay_does_not() -> None:
+    cold = used(1)
+    warmer = 12.0 * np.exp(-0.05 * (cold.t_s - cold.t_s[0]))
+    warm = cold.with_columns(outputs={"rtd_x_degC": cold.outputs["rtd_x_degC"] + warmer})
+
+    def said(run: GapRun) -> list[str]:
+        texts = [finding.text for finding in admit([run], PLANT, PERIOD_S).findings]
+        return [text for text in texts if "let the springs cool" in text]
+
+    (text,) = said(warm)
+    assert "rtd_x_degC reads 12." in text
+    assert "°C above rtd_inlet_degC at the start" in text
+    assert said(cold) == []
 
 
 def test_a_run_that_is_driven_from_its_first_sample_starts_where_that_reads() -> None:
