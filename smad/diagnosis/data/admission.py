@@ -29,7 +29,7 @@ from smad.diagnosis.data.grid import LEAST_PERIODS, MOST_ROWS, row_length_s
 from smad.diagnosis.data.guards import without_repeats
 from smad.diagnosis.data.opinions import compare, used
 from smad.diagnosis.data.rows import MOSTLY, binned, steps_in_gaps
-from smad.diagnosis.data.starts import no_starts, started
+from smad.diagnosis.data.starts import starting_as_read, unusable_starts
 from smad.diagnosis.plant import PlantModel, traits_of
 from smad.diagnosis.runs import GapRun, distinctly_named
 from smad.diagnosis.verdict import COLUMN_DOUBTED, Finding
@@ -80,8 +80,8 @@ def admit(
                 contract_checked = True
             run = _compared(run, given, plant, period_s, of_run)
         if not _refused(of_run):
-            run = started(plant, run)
-            of_run += [Finding(run.name, "start", t, False) for t in no_starts(plant, run)]
+            run = starting_as_read(plant, run)
+            of_run += [Finding(run.name, "start", t, False) for t in unusable_starts(plant, run)]
             admitted.append(run)
         findings += of_run
     return RunSet(tuple(runs), tuple(admitted), tuple(findings))

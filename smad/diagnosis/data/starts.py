@@ -44,13 +44,13 @@ def _mean_start(repeats: Sequence[GapRun], name: str, reading: StartReading) -> 
     return float(np.mean(found)) if found else None
 
 
-def started(plant: PlantModel, run: GapRun) -> GapRun:
+def starting_as_read(plant: PlantModel, run: GapRun) -> GapRun:
     """The run, to be replayed from where it reads; one that says where it starts is kept."""
     (starts,) = usual_starts(plant, [[run]])
     return run if run.starts or not starts else replace(run, starts=starts, starts_read=True)
 
 
-def no_starts(plant: PlantModel, run: GapRun) -> list[str]:
+def unusable_starts(plant: PlantModel, run: GapRun) -> list[str]:
     """What a run reads at its start and no cold bench has, in words."""
     unit = {channel.name: in_words(channel.unit) for channel in plant.channels}
     out = []
@@ -65,7 +65,7 @@ def no_starts(plant: PlantModel, run: GapRun) -> list[str]:
     return out
 
 
-def stands(
+def corrected_starts(
     traits: Traits, reads: Mapping[str, float], at: Mapping[str, float], shown: Mapping[str, float]
 ) -> dict[str, float]:
     """Where a model stands that is to read `reads`, if it shows `shown` where it stands `at`.
@@ -80,7 +80,7 @@ def stands(
     }
 
 
-def standing(plant: PlantModel, point: ModelPoint, played: Played) -> Played:
+def with_corrected_starts(plant: PlantModel, point: ModelPoint, played: Played) -> Played:
     """The run, started where the model at `point` stands when it reads what the run says."""
     reads = played.run.starts
     stood = played.with_fields(starts_read=False)
@@ -88,4 +88,4 @@ def standing(plant: PlantModel, point: ModelPoint, played: Played) -> Played:
         return stood
     (predicted,) = predictions(plant, point, [stood], exact=True)
     shown = {c.name: float(y) for c, y in zip(plant.channels, predicted[0], strict=True)}
-    return stood.with_fields(starts=stands(traits_of(plant), reads, reads, shown))
+    return stood.with_fields(starts=corrected_starts(traits_of(plant), reads, reads, shown))

@@ -11,7 +11,7 @@ from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.data.noise import resolution, row_noise
 from smad.diagnosis.data.played import Played, predictions, slopes
 from smad.diagnosis.data.rows import Binned, bin_numbers, binned, offset_s, require_like_inputs
-from smad.diagnosis.data.starts import standing, usual_starts
+from smad.diagnosis.data.starts import usual_starts, with_corrected_starts
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.paired.floor import Deviation, Floor, repeat_floor
 from smad.diagnosis.places.place import PlacesPlant
@@ -191,7 +191,7 @@ def good_runs(
     noise = row_noise(recordings, plant, period_s)
     floors = np.hypot(noise, resolution(recordings, plant))
     point = _good_point(plant, repeated, floors, effects, say)
-    played = [standing(plant, point, r.played) for r in repeated]
+    played = [with_corrected_starts(plant, point, r.played) for r in repeated]
     J = slopes(plant, point, played)
     base = predictions(plant, point, played, exact=True)
     runs: list[GoodRun] = []

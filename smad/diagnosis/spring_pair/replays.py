@@ -17,7 +17,7 @@ from sim_device.plant.replay import Inputs, Replay, trajectory
 from sim_device.plant.setup import Setup
 from sim_device.plant.start import Start
 from sim_device.plant.units import ZERO_C
-from smad.diagnosis.data.starts import stands
+from smad.diagnosis.data.starts import corrected_starts
 from smad.diagnosis.places.place import Forcing
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.runs import GapRun
@@ -127,7 +127,7 @@ class GivenRun:
                 begun = GivenRun(replace(first, starts=at), self._began)
                 outputs = begun.forced(unmoved, {}, fast=True)
                 shown = {name: float(column[0]) for name, column in outputs.items()}
-                at = stands(TRAITS, reads, at, shown)
+                at = corrected_starts(TRAITS, reads, at, shown)
         return at
 
     def offsets(self, t_s: Array) -> dict[tuple[str, str], Array]:

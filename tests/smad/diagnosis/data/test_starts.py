@@ -10,7 +10,7 @@ from smad.diagnosis import diagnose
 from smad.diagnosis.data.admission import admit
 from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.data.played import Played
-from smad.diagnosis.data.starts import started, usual_starts
+from smad.diagnosis.data.starts import starting_as_read, usual_starts
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
@@ -67,7 +67,7 @@ def test_a_reading_that_is_off_at_the_start_is_a_drift_of_its_run() -> None:
 
 
 def test_a_run_starts_with_what_it_reads_temperatures_above_those_of_the_water() -> None:
-    run = started(PLANT, used(1))
+    run = starting_as_read(PLANT, used(1))
     read = run.at_start(PLANT.traits.starts)
     water = run.at_start(["rtd_inlet_degC"])["rtd_inlet_degC"]
     assert run.starts["displacement_mm"] == read["displacement_mm"]
@@ -96,8 +96,8 @@ def test_a_reading_that_no_cold_bench_has_is_no_start_of_its_run_or_group(
 ) -> None:
     one, other = used(1), used(2)
     off = one.with_columns(outputs={column: one.outputs[column] + more})
-    assert column not in started(PLANT, off).starts
-    assert column in started(PLANT, other).starts
+    assert column not in starting_as_read(PLANT, off).starts
+    assert column in starting_as_read(PLANT, other).starts
     assert all(column not in starts for starts in usual_starts(PLANT, [[off], [other]]))
 
 
@@ -122,7 +122,7 @@ def test_a_run_that_is_driven_from_its_first_sample_starts_where_that_reads() ->
     driven["i_applied_x_A"][:300] = 3.0
     run = GapRun("driven", cold.t_s, driven, cold.outputs)
     hot = run.with_columns(outputs=PLANT.simulate(TRUE, replace(run, starts={})))
-    read = started(PLANT, hot).starts
+    read = starting_as_read(PLANT, hot).starts
     assert hot.at_start(["rtd_x_degC"])["rtd_x_degC"] > hot.outputs["rtd_x_degC"][0] + 0.3
     assert read["rtd_x_degC"] == pytest.approx(
         hot.outputs["rtd_x_degC"][0] - hot.outputs["rtd_inlet_degC"][0]
@@ -143,13 +143,13 @@ def test_a_thinned_run_starts_as_the_one_it_was_thinned_from() -> None:
 def test_a_sensor_that_is_off_reads_at_the_start_what_the_run_reads() -> None:
     effect = {"rtd_offset": {"offset_K": 1.0}}
     plant = SmaPlant(only=tuple(effect))
-    shown = plant.simulate(ModelPoint({}, effect), started(plant, used(1)))
+    shown = plant.simulate(ModelPoint({}, effect), starting_as_read(plant, used(1)))
     assert shown["rtd_x_degC"][0] == pytest.approx(used(1).outputs["rtd_x_degC"][0], abs=0.1)
 
 
 def test_a_start_that_the_caller_gave_is_kept() -> None:
     given = {"displacement_mm": 0.6}
-    assert started(PLANT, replace(used(1), starts=given)).starts == given
+    assert starting_as_read(PLANT, replace(used(1), starts=given)).starts == given
 
 
 def test_samples_that_are_marked_bad_say_nothing_of_a_start() -> None:
