@@ -144,7 +144,7 @@ def air(rng: np.random.Generator, seconds: float) -> Array:
 
 
 def strokes() -> Array:
-    """Each spring once heated to about 45 °C and cooled, X first, as a bench is before its runs."""
+    """Each spring once heated to about 45 °C and cooled, X first; a bench has such a past, too."""
     program = _blank(60.0)
     for begin_s, current, pump in ((0.0, CURRENT_X, PUMP_X), (30.0, CURRENT_Y, PUMP_Y)):
         row = round(begin_s / TICK_s)

@@ -121,7 +121,7 @@ class Setup:
     def state(self, temperature_K: float | None = None, start: Start = AS_MOUNTED) -> Any:
         """A fresh state at rest, an array of one record, sensors included."""
         if start != AS_MOUNTED and self.fixture != "antagonistic":
-            raise InputError(f"{start} needs the antagonistic pair")
+            raise InputError("a start other than as mounted needs the antagonistic pair")
         key = temperature_K, start
         state = self.latest_rest.get(key)
         if state is None:

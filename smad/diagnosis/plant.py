@@ -205,6 +205,10 @@ class StartReading:
     above: str = ""
     taken: bool = True
 
+    def possible(self, value: float) -> bool:
+        """Whether a bench can start there."""
+        return self.low < value < self.high
+
     def counted(self, name: str, values: Mapping[str, float]) -> float:
         """The value of this channel, counted from that below it. Raises KeyError without one."""
         return values[name] - (values[self.above] if self.above else 0.0)

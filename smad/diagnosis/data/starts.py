@@ -30,7 +30,7 @@ def usual_starts(plant: PlantModel, groups: Sequence[Sequence[GapRun]]) -> list[
     for name, reading in taken.items():
         means = [_mean_start(group, name, reading) for group in groups]
         known = [mean for mean in means if mean is not None]
-        if known and reading.low < min(known) and max(known) < reading.high:
+        if known and all(map(reading.possible, known)):
             for start, mean in zip(out, means, strict=True):
                 start[name] = float(np.mean(known)) if mean is None else mean
     return out
@@ -56,7 +56,7 @@ def unusable_starts(plant: PlantModel, run: GapRun) -> list[str]:
     out = []
     for name, reading in traits_of(plant).starts.items():
         value = _mean_start([run], name, reading) if reading.taken else None
-        if value is not None and not reading.low < value < reading.high:
+        if value is not None and not reading.possible(value):
             above = f" above {reading.above}" if reading.above else ""
             out.append(
                 f"{name} reads {value:.1f} {unit[name]}{above} at the start, as no cold bench "

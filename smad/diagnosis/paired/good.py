@@ -261,8 +261,8 @@ def _good_point(
     trials = []
     for r in repeated:
         mean, count = mean_of(r.values, r.valid)
-        starts = start_directions(plant, nominal_point(plant), r.played)
-        rows = RunRows.of(floors, count > 0, np.array(starts).reshape(-1, *mean.shape))
+        errors = start_directions(plant, nominal_point(plant), r.played)
+        rows = RunRows.of(floors, count > 0, np.array(errors).reshape(-1, *mean.shape))
         trials.append(Trial(played=r.played, target=mean, rows=rows))
     evidence = Evidence(trials=tuple(trials))
     question = question_of(plant, nominal_point(plant), evidence, effects=effects, say=say)

@@ -45,7 +45,7 @@ def distances(
         noise = float(rows.sd[first, c][seen].mean())
         days = rows.day_sd * rows.day[:, first, c][:, seen].mean(axis=1)
         further = abs(away) > _ELSEWHERE * np.hypot(noise, np.linalg.norm(days))
-        if further and reading.low < start + away < reading.high:
+        if further and reading.possible(start + away):
             out[name] = away
     return out
 

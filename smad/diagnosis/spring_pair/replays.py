@@ -27,9 +27,10 @@ from smad.diagnosis.spring_pair.steps import LONGEST_STEP_S, STEP_S, Steps
 _OPTIONS = {"fixture": "antagonistic", "cooling": "water"}
 _FAST_STEP_S = 1e-2
 _KEPT = 64
-"""Effects and laws with which starts of a run are kept; a fit moves the parameters beside them."""
+"""Of so many effects and laws the starts of a run are kept; a fit moves the parameters beside them.
+"""
 _CORRECTIONS = 2
-"""After two, what a sensor with a gain adds is known to a hundredth."""
+"""Each leaves the share of the error by which a sensor's gain is off: of a tenth, a hundredth."""
 _RETRIES = (1.0, 0.1, 0.03)
 """Shares of the step to try: at a kink of the kinetics the kernel may find no solution."""
 _READINGS = ("rtd_x_degC", "rtd_y_degC", "displacement_m", "force_N")
@@ -59,16 +60,16 @@ class GivenPoint:
 
     def __init__(self, plant: PointReader, point: ModelPoint) -> None:
         self.variant, self.nominal = plant.variant, plant.parameter_set
-        self.parameters = plant.set_of(point.theta)
+        self.parameters, effects = plant.set_of(point.theta), plant.acting(point)
         self.setup = Setup.make(
             self.parameters,
             variant=self.variant,
-            effects=plant.acting(point),
+            effects=effects,
             laws=point.laws,
             **_OPTIONS,
         )
         self.zero_mm = point.theta.get("displacement_zero", 0.0)
-        self.acting = repr((sorted(plant.acting(point).items()), point.laws))
+        self.acting = repr((sorted(effects.items()), point.laws))
         self.unmoved = partial(GivenPoint, plant, replace(point, theta={}))
         # Heat and voltage go with the resistance of each spring.
         self.root = {"x": 1.0, "y": (1.0 + point.theta.get("side_resistance", 0.0)) ** 0.5}
@@ -91,12 +92,13 @@ class GivenRun:
         """
         inputs = self.recorded if steps is None else steps.inputs
         inlet_K, ambient_K = (self._around(point, *pair) for pair in TRAITS.environment.items())
-        at = self.starts(point)
-        more_N = at.get("force_N", 0.0)
+        starts = self.starts(point)
+        more_N = starts.get("force_N", 0.0)
+        x_K, y_K = (inlet_K + starts.get(name, 0.0) for name in ("rtd_x_degC", "rtd_y_degC"))
         start = Start(
-            displacement_m=1e-3 * at.get("displacement_mm", 0.0),
+            displacement_m=1e-3 * starts.get("displacement_mm", 0.0),
             tension_N=point.parameters["initial_force"] + more_N if more_N else None,
-            wires_K=(inlet_K + at.get("rtd_x_degC", 0.0), inlet_K + at.get("rtd_y_degC", 0.0)),
+            wires_K=(x_K, y_K),
         )
         return inputs.surrounded(inlet_K, ambient_K, point.root["y"], start)
 
@@ -107,28 +109,30 @@ class GivenRun:
         the sensors, with the nominal parameters, and the encoder's zero. A forcing there adds
         nothing to a start.
         """
-        kept = self._starts.get(point.acting)
-        if kept is None:
-            kept = self._less_sensors(point.unmoved())
+        if not self.run.starts_read:
+            return dict(self.run.starts)
+        without_zero = self._starts.get(point.acting)
+        if without_zero is None:
+            without_zero = self._less_sensors(point.unmoved())
             if len(self._starts) >= _KEPT:
                 self._starts.clear()
-            self._starts[point.acting] = kept
-        at = dict(kept)
-        if self.run.starts_read and "displacement_mm" in at:
-            at["displacement_mm"] -= point.zero_mm
-        return at
+            self._starts[point.acting] = without_zero
+        starts = dict(without_zero)
+        if "displacement_mm" in starts:
+            starts["displacement_mm"] -= point.zero_mm
+        return starts
 
     def _less_sensors(self, unmoved: GivenPoint) -> dict[str, float]:
+        """What the run reads at its start, less what a point's effects and laws add there."""
         reads = self.run.starts
-        at = dict(reads)
-        if self.run.starts_read and reads:
-            first = replace(self.run.part(0, 2), whole=None, starts_read=False)
-            for _ in range(_CORRECTIONS):
-                begun = GivenRun(replace(first, starts=at), self._began)
-                outputs = begun.forced(unmoved, {}, fast=True)
-                shown = {name: float(column[0]) for name, column in outputs.items()}
-                at = corrected_starts(TRAITS, reads, at, shown)
-        return at
+        first = replace(self.run.part(0, 2), whole=None, starts_read=False)
+        starts = dict(reads)
+        for _ in range(_CORRECTIONS):
+            replayed = GivenRun(replace(first, starts=starts), self._began)
+            outputs = replayed.forced(unmoved, {}, fast=True)
+            shown = {name: float(column[0]) for name, column in outputs.items()}
+            starts = corrected_starts(TRAITS, reads, starts, shown)
+        return starts
 
     def offsets(self, t_s: Array) -> dict[tuple[str, str], Array]:
         """The forcing of the sensors by the run's offsets, at times (m,)."""

@@ -21,7 +21,6 @@ from tests.smad.checkup.short import PLANT, played
 RUN = shipped().runs[0]
 TRUE = ModelPoint({})
 STROKES_S = 60.0
-ZERO = "displacement_zero"
 
 
 def used(seed: int, first: str = "y", point: ModelPoint = TRUE) -> GapRun:
@@ -61,7 +60,7 @@ def test_nothing_is_missing_in_the_simulator_of_an_unchanged_bench_that_was_used
 
 def test_a_reading_that_is_off_at_the_start_is_a_drift_of_its_run() -> None:
     """The zero of the encoder moves the reading, and with it where the replay starts."""
-    off = ModelPoint({ZERO: 0.1})
+    off = ModelPoint({"displacement_zero": 0.1})
     runs = [used(seed, point=off) for seed in (1, 2)]
     assert all(row.final < 1.3 * row.floor for row in verified(PLANT, runs, off))
 
