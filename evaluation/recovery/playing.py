@@ -7,6 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
+from sim_device.plant import Drive
 from sim_device.plant.models import Model
 from smad.checkup.programme import shipped
 from smad.diagnosis.plant import ModelPoint
@@ -42,7 +45,10 @@ class Bench:
 
     def everyday(self, names: Sequence[str], seed: int, *, word: str = "") -> list[GapRun]:
         """Runs of the catalogue, each with a seed of its own."""
-        runs = [recorded(n, self.plant, self.point, seed + k) for k, n in enumerate(names)]
+        runs = [
+            recorded(n, self.plant, self.point, seed + k, past=_past(seed + k))
+            for k, n in enumerate(names)
+        ]
         return [replace(r, name=f"{word}{r.name}") for r in runs]
 
     def programme(self, seed: int, count: int = RUNS) -> list[GapRun]:
@@ -53,8 +59,26 @@ class Bench:
                 bench = Model(self.plant.set_of(self.theta)).with_effects(
                     self.plant.within(self.effects)
                 )
-                driver = VirtualDriver(bench, seed=seed + _SEED_STEP * k, folder=Path(folder))
+                driver = VirtualDriver(
+                    bench,
+                    seed=seed + _SEED_STEP * k,
+                    folder=Path(folder),
+                    past=_past(seed + _SEED_STEP * k),
+                )
                 plan = run.plan()
                 driver.run(plan)
                 runs.append(replace(read_gap_run(log_path(Path(folder), plan)), name=run.name))
         return runs
+
+
+def _past(seed: int) -> list[tuple[float, Drive]]:
+    """What a bench did before a run, in no log: one to three strokes, each by one spring."""
+    rng = np.random.default_rng([seed, 5])
+    held: list[tuple[float, Drive]] = []
+    for _ in range(rng.integers(1, 4)):
+        x = int(rng.integers(2))
+        spring = (float(x), 1.0 - x)
+        heated = Drive(i_A=(4.0 * spring[0], 4.0 * spring[1]))
+        held += [(float(rng.uniform(2.0, 5.5)), heated), (2.0, Drive())]
+        held += [(16.0, Drive(pump_duty=spring)), (3.0, Drive())]
+    return held

@@ -1,7 +1,7 @@
 """Plans in virtual time, on the simulated bench."""
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from firmware_protocol.messages import Setpoint, State
 from firmware_protocol.nearest import instead
+from sim_device.plant import Drive
 from sim_device.plant.models import Model
 from sim_device.plant.parameters import parameters_text
 from smad.config import Config, config_to_toml
@@ -34,6 +35,7 @@ class VirtualDriver:
 
     `seed` and the name of the plan decide the noise, so that runs differ and repeat. `lacking`
     takes parts away, as on a bench without them (ExperimentError for one that is not in `PARTS`).
+    Before each plan each drive of `past` is held for so many seconds.
     With `folder` each run is also written there as a run log. `cycles` are those that each spring
     has behind it at the next run, and has after it; `log` is where the last one was written.
     """
@@ -45,6 +47,7 @@ class VirtualDriver:
     lacking: frozenset[str] = frozenset()
     folder: Path | None = None
     progress: Say | None = None
+    past: Sequence[tuple[float, Drive]] = ()
     cycles: tuple[float, float] = field(default=(0.0, 0.0), init=False)
     log: Path | None = field(default=None, init=False)
 
@@ -113,6 +116,8 @@ class VirtualDriver:
                 seed=seed,
             )
             bench.plant.cycles = self.cycles
+            for held_s, drive in self.past:
+                bench.plant.advance(drive, held_s)
             done = run_virtual(bench, controller, plan, recorder=record, progress=tell)
             self.cycles = bench.plant.cycles
         except PlanError as error:

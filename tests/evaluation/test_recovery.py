@@ -21,6 +21,7 @@ from evaluation.recovery.cases import (
     cases_of,
 )
 from evaluation.recovery.judging import Answer, answer
+from evaluation.recovery.playing import FIT, Bench
 from evaluation.recovery.running import answered, begun, read
 from evaluation.recovery.scores import first_name, identifiable, near, tables
 from smad.diagnosis.spring_pair import SmaPlant
@@ -179,3 +180,11 @@ def test_a_lag_is_found_by_name_and_a_healthy_bench_is_quiet(
     quiet = answer(Case(name="none", question=DIFFERS, kind=NONE, seed=6), 1)
     assert quiet.verdict is not None
     assert quiet.verdict.outcome == "quiet"
+
+
+def test_each_run_begins_where_strokes_that_no_log_has_left_the_bench(plant: SmaPlant) -> None:
+    bench = Bench(plant, {q.name: q.nominal for q in plant.parameters}, {})
+    runs = [*bench.everyday(FIT, 1), *bench.programme(1, 1)]
+    begins_mm = [round(float(run.outputs["displacement_mm"][0]), 1) for run in runs]
+    assert len(set(begins_mm)) > 3
+    assert 0.5 < max(map(abs, begins_mm)) < 2.0

@@ -1,5 +1,7 @@
 """Runs of the simulated spring pair in virtual time, through controller, sensors and quanta."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sim_device.plant import Drive, Plant
@@ -32,11 +34,13 @@ def recorded(
     noise: bool = True,
     duration_s: float | None = None,
     rate_hz: float = RATE_HZ,
+    past: Sequence[tuple[float, Drive]] = (),
 ) -> GapRun:
     """The run that a bench at `point` gives for an experiment of the catalogue.
 
     `seed` draws the experiment's random levels and, with `noise`, the sensors' noise; without it
-    the channels are not rounded either. Raises GapError for a name that is not in the catalogue.
+    the channels are not rounded either. Before the run each drive of `past` was held for
+    so many seconds. Raises GapError for a name that is not in the catalogue.
     """
     timeline = timeline_named(experiment)
     pending = timeline.commands(seed)
@@ -47,6 +51,8 @@ def recorded(
     plant = Plant(
         parameters, variant=model.variant, effects=model.acting(point), laws=point.laws, seed=seed
     )
+    for held_s, drive in past:
+        plant.advance(drive, held_s)
     controller = Controller(_CONTROL, LimitsConfig())
     n = round((timeline.duration_s if duration_s is None else duration_s) * rate_hz)
     rows = np.empty((n, len(_NAMES)))
