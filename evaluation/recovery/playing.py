@@ -72,7 +72,9 @@ class Bench:
 
 
 def _past(seed: int) -> list[tuple[float, Drive]]:
-    """What a bench did before a run, in no log: one to three strokes, each by one spring."""
+    """What a bench did before a run, in no log: one to three strokes, each by one spring, and a
+    rest.
+    """
     rng = np.random.default_rng([seed, 5])
     held: list[tuple[float, Drive]] = []
     for _ in range(rng.integers(1, 4)):
@@ -81,4 +83,4 @@ def _past(seed: int) -> list[tuple[float, Drive]]:
         heated = Drive(i_A=(4.0 * spring[0], 4.0 * spring[1]))
         held += [(float(rng.uniform(2.0, 5.5)), heated), (2.0, Drive())]
         held += [(16.0, Drive(pump_duty=spring)), (3.0, Drive())]
-    return held
+    return [*held, (float(rng.uniform(10.0, 60.0)), Drive())]

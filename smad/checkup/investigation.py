@@ -285,7 +285,7 @@ class Investigation:
         path = self.folder / "model.toml"
         action = "make room; the runs are kept, and the same command continues"
         with refused_by_system(BaselineError, f"cannot write {path}", action=action):
-            judgement.save_model(self.plant, path)
+            judgement.verdict.write_model(path)
         return msgspec.structs.replace(report, model=str(path))
 
     def _write(self, report: Report) -> None:

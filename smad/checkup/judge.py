@@ -7,7 +7,6 @@ of the residual come from the repeats of the good bench.
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from smad.diagnosis.answer import Answer, answer_of
 from smad.diagnosis.data.guards import FIT
@@ -16,7 +15,7 @@ from smad.diagnosis.paired.difference import PairedRuns, pair_runs, question_of_
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.paired.notes import notes_of
 from smad.diagnosis.places.bare import with_places
-from smad.diagnosis.plant import PlantModel, SavesModel
+from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.rivals.search import run_search
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHECK_UP, PAIRED, RunRecord
@@ -28,11 +27,6 @@ class Judgement(Answer):
     """An answer with the pairs that it is of."""
 
     pairs: PairedRuns
-
-    def save_model(self, plant: SavesModel, path: Path) -> None:
-        """Write the model of the good bench with what was found, and its covariance."""
-        model = self.model or self.pairs.good.point
-        plant.save_model(model, path, self.verdict.headline, self.uncertainty)
 
 
 @repeatable

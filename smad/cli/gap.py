@@ -96,7 +96,7 @@ def diagnose(
     # A refused answer has no model; why it was refused says more than that.
     model_path = None if verdict.outcome == "refused" and not verdict.models else model_path
     files = AnswerFiles(verdict=json_path, page=page_path, model=model_path)
-    show_verdict(answer, files, verdict.write_model, arguments=arguments)
+    show_verdict(answer, files, arguments=arguments)
     require_answered(verdict)
 
 
@@ -116,8 +116,9 @@ def apply(
     from smad.diagnosis.verdict import read_verdict
 
     read = read_verdict(verdict)
+    text = read.model_text(first, as_json=out.suffix == ".json")
     with named_output(out) as path:
-        read.write_model(path, first)
+        path.write_text(text, "utf-8")
     causes = (f", {cause.name or cause.words}" for cause in read.causes[:first])
     click.echo(f"{out}: parameters{''.join(causes)}")
 

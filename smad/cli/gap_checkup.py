@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -156,10 +155,9 @@ def checkup(
                 progress=line.say,
             )
     facts = [("baseline", str(folder or good)), ("repeats", str(judgement.pairs.good.repeats))]
-    save_model = functools.partial(judgement.save_model, plant)
     files = AnswerFiles(verdict=json_path, page=page_path, model=model_path)
     again = shlex.join(["--baseline", str(folder)]) if folder else ""
-    show_verdict(judgement, files, save_model, arguments=again, facts=facts)
+    show_verdict(judgement, files, arguments=again, facts=facts)
 
 
 @click.command(cls=Command)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,7 +62,6 @@ def arguments_text(
 def show_verdict(
     answer: Answer,
     files: AnswerFiles,
-    save_model: Callable[[Path], None],
     *,
     arguments: str = "",
     facts: Sequence[tuple[str, str]] = (),
@@ -70,7 +69,7 @@ def show_verdict(
     """Write the files of an answer; print the verdict, what is written, and then what is not."""
     from smad.diagnosis.report.words import advice
 
-    written, failed = files.write(answer, save_model, arguments, facts)
+    written, failed = files.write(answer, arguments, facts)
     # What a pipe or a terminal took is no file to read.
     readable = (p if p in written and p.is_file() else None for p in (files.verdict, files.model))
     print_verdict(answer.verdict, advice(answer.verdict, arguments, *readable) if arguments else ())

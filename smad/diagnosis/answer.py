@@ -65,7 +65,6 @@ class Answer:
     search: Search | None = None
     stages: tuple[Rival, ...] = ()
     model: ModelPoint | None = None
-    uncertainty: Uncertainty | None = None
     alternatives: tuple[Rival, ...] = ()
 
     def __repr__(self) -> str:
@@ -99,6 +98,9 @@ def answer_of(search: Search, *, question: str, gaps_of: str = MEASURED) -> Answ
     outcome = _outcome(search, causes)
     headline = headline_of(question, outcome, causes, whole)
     uncertainty = None if fitted is None else uncertainty_of(precision, fitted)
+    # A bench that is as it was has the model of its good runs.
+    as_it_was = outcome == QUIET and asked.tied is not None
+    with_model = [search.configured] if as_it_was else stages[1:]
     verdict = Verdict(
         question=question,
         outcome=outcome,
@@ -113,14 +115,13 @@ def answer_of(search: Search, *, question: str, gaps_of: str = MEASURED) -> Answ
         judged_on=asked.judged_on,
         unseen=unseen_strengths(search),
         notes=_of_withdrawn(search),
-        models=_models(asked, precision, stages, headline),
+        models=_models(asked, precision, with_model, headline),
     )
     return Answer(
         verdict=verdict,
         search=search,
         stages=stages,
         model=asked.point_of(search.final),
-        uncertainty=uncertainty,
         alternatives=_alternatives(steps[0]) if steps else (),
     )
 
@@ -367,9 +368,9 @@ def _moved(
 
 
 def _models(
-    question: Question, precision: Precision, stages: Sequence[Rival], note: str
+    question: Question, precision: Precision, rivals: Sequence[Rival], note: str
 ) -> list[str]:
-    """Model files as text: with fitted parameters, with each cause; none without `SavesModel`."""
+    """Model files as text, one for each rival; none without `SavesModel`."""
     plant = question.model.plant
     # The places of a simulator write its model themselves.
     writer = plant if isinstance(plant, SavesModel) else unwrapped(plant)
@@ -378,7 +379,8 @@ def _models(
     out = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.toml"
-        for fitted in (stage.fitted for stage in stages[1:]):
-            writer.save_model(fitted.point, path, note, uncertainty_of(precision, fitted))
+        for rival in rivals:
+            uncertainty = uncertainty_of(precision, rival.fit) if rival.fit else None
+            writer.save_model(question.point_of(rival), path, note, uncertainty)
             out.append(path.read_text("utf-8"))
     return out

@@ -266,10 +266,11 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     *check-up* (the same inputs).
 
     `causes` are in the order in which they entered; `rivals` is the table of the last step, that of
-    the last cause where the search ended with it. `models` are model files as text: with
-    other parameters, then with each cause (empty for a plant that writes none). `budget` has the
-    gap of each signal, of what `gaps_of` says, and `whole` that over all signals, in floors.
-    `unseen` says of each effect which strength these runs would not have shown.
+    the last cause where the search ended with it. `models` are model files as text: with other
+    parameters, then with each cause; of a bench that is as it was, that of its good runs (none for
+    a plant that writes none). `budget` has the gap of each signal, of what `gaps_of` says, and
+    `whole` that over all signals, in floors. `unseen` says of each effect which strength these runs
+    would not have shown.
     """
 
     question: str
@@ -303,7 +304,11 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
         return msgspec.json.decode(data, type=cls)
 
     def write_model(self, path: Path | str, first: int | None = None) -> None:
-        """Write the model file: with the first causes, or all; a name `.json` makes it JSON.
+        """Write the model file as `model_text` has it; a name `.json` makes it JSON."""
+        Path(path).write_text(self.model_text(first, as_json=Path(path).suffix == ".json"), "utf-8")
+
+    def model_text(self, first: int | None = None, *, as_json: bool = False) -> str:
+        """The model file with the first causes, or all.
 
         Raises PlantMismatch where the verdict has no model, or not as many causes.
         """
@@ -329,11 +334,11 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
                 action="give a number of causes that it lists",
             )
         text = self.models[most if first is None else first]
-        if Path(path).suffix == ".json":
+        if as_json:
             # A plant of somebody else may write another format than TOML.
             with contextlib.suppress(tomllib.TOMLDecodeError):
-                text = json.dumps(tomllib.loads(text), indent=2) + "\n"
-        Path(path).write_text(text, "utf-8")
+                return json.dumps(tomllib.loads(text), indent=2) + "\n"
+        return text
 
 
 def headline_of(

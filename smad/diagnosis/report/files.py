@@ -3,7 +3,7 @@
 A file that cannot be written keeps no other from being written: an answer takes minutes.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,7 +22,6 @@ class AnswerFiles:
     def write(
         self,
         answer: Answer,
-        save_model: Callable[[Path], None],
         arguments: str,
         facts: Sequence[tuple[str, str]],
     ) -> tuple[list[Path], list[Exception]]:
@@ -42,14 +41,9 @@ class AnswerFiles:
                 partial.write_bytes(answer.verdict.to_json())
 
         def write_model(path: Path) -> None:
+            text = answer.verdict.model_text(as_json=path.suffix == ".json")
             with named_output(path) as partial:
-                # How a name ends says in which format a model is written.
-                draft = partial.with_name(f"{partial.name}{path.suffix}")
-                try:
-                    save_model(draft)
-                    draft.replace(partial)
-                finally:
-                    draft.unlink(missing_ok=True)
+                partial.write_text(text, "utf-8")
 
         pairs = (
             (write_verdict, self.verdict),
