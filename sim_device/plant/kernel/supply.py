@@ -82,8 +82,9 @@ def fill_tube(s: Spring, p: Constants, e: Effects, drain: float, dt: float) -> N
         if filled > p.drain_film:
             new = p.drain_film + (filled - p.drain_film) * math.exp(-dt * p.drain_rate)
     elif e.drainage > 0.0:
-        floor = p.wet * max(1.0 - e.drainage, p.drain_film)
-        if filled > floor:
+        floor = 1.0 - e.drainage
+        floor = max(floor, p.drain_film)
+        if filled > floor and s.pump_starts > 0.0:
             new = floor + (filled - floor) * math.exp(-dt / e.drainage_time)
     if new != filled:
         moved = (filled - new) * p.warming_share * p.water_capacity * p.length * p.warms
