@@ -59,11 +59,9 @@ class Bench:
                 bench = Model(self.plant.set_of(self.theta)).with_effects(
                     self.plant.within(self.effects)
                 )
+                own_seed = seed + _SEED_STEP * k
                 driver = VirtualDriver(
-                    bench,
-                    seed=seed + _SEED_STEP * k,
-                    folder=Path(folder),
-                    past=_past(seed + _SEED_STEP * k),
+                    bench, seed=own_seed, folder=Path(folder), past=_past(own_seed)
                 )
                 plan = run.plan()
                 driver.run(plan)
@@ -72,15 +70,11 @@ class Bench:
 
 
 def _past(seed: int) -> list[tuple[float, Drive]]:
-    """What a bench did before a run, in no log: one to three strokes, each by one spring, and a
-    rest.
-    """
+    """Seconds and drives before a run, in no log: one to three strokes of a spring and a rest."""
     rng = np.random.default_rng([seed, 5])
     held: list[tuple[float, Drive]] = []
     for _ in range(rng.integers(1, 4)):
-        x = int(rng.integers(2))
-        spring = (float(x), 1.0 - x)
-        heated = Drive(i_A=(4.0 * spring[0], 4.0 * spring[1]))
-        held += [(float(rng.uniform(2.0, 5.5)), heated), (2.0, Drive())]
-        held += [(16.0, Drive(pump_duty=spring)), (3.0, Drive())]
+        x = float(rng.integers(2))
+        heat, cool = Drive(i_A=(4.0 * x, 4.0 * (1.0 - x))), Drive(pump_duty=(x, 1.0 - x))
+        held += [(float(rng.uniform(2.0, 5.5)), heat), (2.0, Drive()), (16.0, cool), (3.0, Drive())]
     return [*held, (float(rng.uniform(10.0, 60.0)), Drive())]

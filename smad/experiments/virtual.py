@@ -31,13 +31,13 @@ from smad.runlog.schema import Event, Record, Row
 
 @dataclass(eq=False)
 class VirtualDriver:
-    """A simulated bench for each plan, fresh and at rest.
+    """A simulated bench for each plan, fresh but for its `past`, and at rest.
 
     `seed` and the name of the plan decide the noise, so that runs differ and repeat. `lacking`
     takes parts away, as on a bench without them (ExperimentError for one that is not in `PARTS`).
-    Before each plan each drive of `past` is held for so many seconds.
-    With `folder` each run is also written there as a run log. `cycles` are those that each spring
-    has behind it at the next run, and has after it; `log` is where the last one was written.
+    `past` says for how many seconds each drive is held before a plan. With `folder` each run is
+    also written there as a run log. `cycles` are those that each spring has behind it at the next
+    run, and has after it; `log` is where the last one was written.
     """
 
     model: Model

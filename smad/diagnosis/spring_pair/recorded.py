@@ -39,8 +39,8 @@ def recorded(
     """The run that a bench at `point` gives for an experiment of the catalogue.
 
     `seed` draws the experiment's random levels and, with `noise`, the sensors' noise; without it
-    the channels are not rounded either. Before the run each drive of `past` was held for
-    so many seconds. Raises GapError for a name that is not in the catalogue.
+    the channels are not rounded either. `past` says for how many seconds each drive
+    was held before the run. Raises GapError for a name that is not in the catalogue.
     """
     timeline = timeline_named(experiment)
     pending = timeline.commands(seed)
