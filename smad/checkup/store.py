@@ -28,7 +28,7 @@ from smad.diagnosis.rivals.changes import Changes, values_asked
 from smad.diagnosis.runs import GapRun
 from smad.files import named_output
 
-SCHEMA = 14
+SCHEMA = 15
 """Raised when arrays change their meaning: earlier baselines are then computed again."""
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")

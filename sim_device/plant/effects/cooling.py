@@ -28,7 +28,8 @@ WATER: tuple[Effect, ...] = (
         title="water leaves the tube after the pump stops",
         subsystem="water",
         places=("film", "heat_into_water"),
-        equation="dw/dt = −(w − (1 − s))/τ while the pump rests; it refills the tube",
+        equation="dw/dt = −(w − (1 − s))/τ while the pump rests; it refills the tube; at rest"
+        " w = 1 − s",
         parameters=(
             strength("share", "1", (0, 0.5, 0.95), half(0.3), "lost share s", term="drainage"),
             shape("tau_s", "s", (0.1, 5, 100), about(5), "time constant τ", term="drainage_time"),

@@ -22,7 +22,7 @@ def mix_cells(s: Spring, w: SpringWork, p: Constants, warmer: float, dt: float) 
     flow = w.g_flow
     capacity = w.capacity / dt
     wire = 1.0 / (capacity + w.g_water + w.g_dry)
-    inertia = s.filled * p.warming_share * p.water_capacity / dt
+    inertia = s.mean_filled * p.warming_share * p.water_capacity / dt
     water = 1.0 / (
         inertia + w.g_water + w.g_loss + w.g_wall + CELLS * flow - w.g_water * w.g_water * wire
     )
@@ -82,7 +82,7 @@ def spread_latent_heat(s: Spring, w: SpringWork, p: Constants, released: float, 
     """
     given = 0.0
     if w.per_water > 0.0:
-        inertia = 2.0 * s.filled * p.warming_share * p.water_capacity / dt
+        inertia = 2.0 * s.mean_filled * p.warming_share * p.water_capacity / dt
         given = w.g_water / (inertia + w.g_water + w.g_loss + w.g_wall + CELLS * w.g_flow)
     for i in range(CELLS):
         more = w.cells[i].own_rise - released

@@ -41,9 +41,11 @@ def set_conductances(
     if p.wet > 0.0:
         middle_water = s.T_water + 0.5 * dt * s.T_water_rate
         surround = middle_water if p.warms > 0.0 else g.T_inlet
-        g_water = s.filled * film_conductance(middle, surround, s.flow * p.per_annulus, p, table)
+        g_water = s.mean_filled * film_conductance(
+            middle, surround, s.flow * p.per_annulus, p, table
+        )
         g_water = g_water * s.wetted
-        g_dry = (1.0 - s.filled) * p.gap_conductance
+        g_dry = (1.0 - s.mean_filled) * p.gap_conductance
         if e.film_exponent != 0.0:
             g_water = g_water * convection_factor(
                 middle - surround, e.film_exponent, e.film_reference
@@ -71,9 +73,9 @@ def eliminate_water(
     Returns what it takes off the stiffness of the wire's equation, and adds to its right side.
     """
     middle_water = s.T_water + 0.5 * dt * s.T_water_rate
-    inertia = 2.0 * s.filled * p.warming_share * p.water_capacity * (1.0 / dt)
+    inertia = 2.0 * s.mean_filled * p.warming_share * p.water_capacity * (1.0 / dt)
     g_flow = s.flow * p.flow_conductance
-    g_loss = s.filled * p.tube_loss
+    g_loss = s.mean_filled * p.tube_loss
     if e.loss_exponent != 0.0:
         g_loss = g_loss * convection_factor(
             middle_water - g.T_air, e.loss_exponent, e.loss_reference
@@ -83,7 +85,7 @@ def eliminate_water(
     w.g_wall = 0.0
     if e.wall_ratio > 0.0:
         wall = e.wall_ratio * p.water_capacity
-        w.g_wall = mean_conductance(s.filled * e.wall_conductance, wall, dt)
+        w.g_wall = mean_conductance(s.mean_filled * e.wall_conductance, wall, dt)
         stiff += w.g_wall
         right += w.g_wall * s.T_wall
     w.g_flow = g_flow
@@ -234,6 +236,9 @@ def book_heat(
         s.T_water_rate = (new_water - T_water) * per_dt
         s.T_water = new_water
         carried = length * dt * w.g_flow * (middle_water + w.leaves_warmer - g.T_inlet)
+        # What enters or leaves as the tube fills or drains.
+        entered = 2.0 * (s.filled - s.mean_filled) * p.warming_share * p.water_capacity
+        s.heat_to_water -= length * entered * (middle_water - p.T_ref)
         s.heat_forced += length * dt * w.forced_water
         s.heat_to_air += length * dt * w.g_loss * (middle_water - g.T_air)
         if w.g_wall > 0.0:

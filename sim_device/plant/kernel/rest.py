@@ -67,7 +67,8 @@ def rest_spring(
     s.T_water = T
     s.T_wall = T
     s.xi_S_end = detwinned
-    s.filled = p.wet
+    # What drains while the pump rests has drained.
+    s.filled = p.wet * max(1.0 - e.drainage, p.drain_film)
     s.wetted = 1.0
     s.tension = force
     s.deflection = loaded * (mount.deflection + longer)

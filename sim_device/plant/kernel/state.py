@@ -61,6 +61,7 @@ class Spring:
     duty: float  # asked of its pump, 0 to 1
     flow: float  # of water, m3/s
     filled: float  # share of the tube that holds water
+    mean_filled: float  # its mean over the substep
     wetted: float  # share of the wire that flowing water touches
     pump_flow: float  # before leaks, its mean over the substep, m3/s
     pump_end_flow: float  # the same at the end of the substep

@@ -72,7 +72,7 @@ def run_pump(s: Spring, p: Constants, e: Effects, duty: float, sign: float, dt: 
 
 @inlined
 def fill_tube(s: Spring, p: Constants, e: Effects, drain: float, dt: float) -> None:
-    """Drain or refill the tube; heat that leaves or enters with the water goes to the books."""
+    """Drain or refill the tube."""
     filled = s.filled
     new = filled
     if s.flow > 0.0:
@@ -82,14 +82,11 @@ def fill_tube(s: Spring, p: Constants, e: Effects, drain: float, dt: float) -> N
         if filled > p.drain_film:
             new = p.drain_film + (filled - p.drain_film) * math.exp(-dt * p.drain_rate)
     elif e.drainage > 0.0:
-        floor = 1.0 - e.drainage
-        floor = max(floor, p.drain_film)
-        if filled > floor and s.pump_starts > 0.0:
+        floor = p.wet * max(1.0 - e.drainage, p.drain_film)
+        if filled > floor:
             new = floor + (filled - floor) * math.exp(-dt / e.drainage_time)
-    if new != filled:
-        moved = (filled - new) * p.warming_share * p.water_capacity * p.length * p.warms
-        s.heat_to_water += moved * (s.T_water - p.T_ref)
-        s.filled = new
+    s.mean_filled = 0.5 * (filled + new)
+    s.filled = new
 
 
 @inlined
