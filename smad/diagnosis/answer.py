@@ -148,7 +148,7 @@ def _outcome(search: Search, causes: Sequence[Cause]) -> str:
         return CAUSES
     last = search.steps[-1].rivals if search.steps else ()
     rivals = [search.final, *(r for r in last if r.kind == NOTHING)]
-    if min(map(search.question.gap, rivals)) > search.question.quiet_gap:
+    if not any(map(search.question.is_quiet, rivals)):
         return UNEXPLAINED
     return PARAMETERS if search.moved else QUIET
 

@@ -130,9 +130,7 @@ def changed_runs(admitted: AdmittedRuns) -> Search:
     form = 1.0 - (admitted.floors / floors) ** 2
     new = replace(
         new,
-        # A rival may lead in any channel, but its gap is that of all channels.
-        form_share=float(form.max()),
-        mean_form_share=float(np.average(form, weights=new.judged.counts.sum(axis=0))),
+        form_shares=form,
         good=len(admitted.good),
     )
     return run_search(new)

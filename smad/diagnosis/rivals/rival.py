@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import msgspec
 import numpy as np
@@ -93,10 +93,10 @@ class Question:
     `effects` are the candidates, `constants` those of the score for the channels of these runs.
     `tied` (p, p) is the precision of the parameters' prior until other values of them enter; None:
     they are free from the start. `responses` of laws and `changes` by effects are given where they
-    are known already. `form_share` is the largest share of a floor's square that is model error,
-    `mean_form_share` the mean over the judged rows of all channels, and `good` the number of runs
-    that they were measured on. `form_sd` (bins, channels) of each judged run is the form error of
-    the parts that have entered, in channel units; empty before.
+    are known already. `form_shares` (channels,) are the shares of a floor's square that are model
+    error (None: none is), and `good` the number of runs that they were measured on. `form_sd`
+    (bins, channels) of each judged run is the form error of the parts that have entered, in channel
+    units; empty before.
     """
 
     evidence: Evidence
@@ -108,8 +108,7 @@ class Question:
     effects: tuple[Effect, ...]
     constants: Constants
     say: Say
-    form_share: float = 0.0
-    mean_form_share: float = 0.0
+    form_shares: Array | None = None
     good: int = 0
     form_sd: tuple[Array, ...] = ()
 
@@ -219,37 +218,45 @@ class Question:
     def independent_rows(self) -> float:
         """Independent rows of a judged run and channel, on average."""
         rows = self.judged.independent_rows
-        return effective_rows(rows, self.form_share, shipped().evidence, self.good)
+        if self.form_shares is None:
+            return rows
+        # A rival may lead in any channel.
+        return effective_rows(rows, float(self.form_shares.max()), shipped().evidence, self.good)
 
-    @property
-    def quiet_gap(self) -> float:
-        """The largest gap, in floors, of a simulator that lacks nothing."""
-        runs = len(self.judged.trials)
-        return quiet_gap(self.mean_form_share, shipped().evidence, runs, self.good)
+    def is_quiet(self, rival: Rival) -> bool:
+        """Whether a simulator that lacks nothing may leave as large a gap as a rival, over all
+        channels and, where floors include model error, in each.
+        """
+        e, gap, gaps = self.judged, self.gap(rival), self.channel_gaps(rival)
+        largest = partial(quiet_gap, kappa=shipped().evidence, runs=len(e.trials), good=self.good)
+        if self.form_shares is None:
+            return gap <= float(largest(0.0))
+        over_all = np.average(self.form_shares, weights=e.counts.sum(axis=0))
+        in_each = largest(self.form_shares, tests=e.recorded)
+        return gap <= float(largest(over_all)) and bool((gaps <= in_each).all())
 
     def refuted(self, rivals: Sequence[Rival]) -> list[bool]:
-        """Which rivals have a gap above `quiet_gap` while another one has not.
+        """Which rivals are not quiet while another one is.
 
         Where floors include model error, κ is too small to refute a simulator by its score.
         Elsewhere a rival with a new part may be nearly right, and is not refuted; where a part has
         entered beside tied parameters, none is.
         """
-        above = [self.gap(r) > self.quiet_gap for r in rivals]
+        above = [not self.is_quiet(r) for r in rivals]
         if all(above) or self.form_sd:
             return [False] * len(above)
         return [
-            too_much and (bool(self.form_share) or not r.has_part)
+            too_much and (self.form_shares is not None or not r.has_part)
             for too_much, r in zip(above, rivals, strict=True)
         ]
 
     def incomplete(self, rivals: Sequence[Rival]) -> bool:
-        """Whether no rival without a new part, with free parameters too, reaches `quiet_gap`.
+        """Whether no rival without a new part, with free parameters too, is quiet.
 
         Then something is missing for certain, and the question is only whether a rival describes
         it. Beside a part, parameters that good runs tie are not free, and its form leaves a gap.
         """
-        same = (r for r in rivals if not r.has_part)
-        return not self.form_sd and all(self.gap(r) > self.quiet_gap for r in same)
+        return not self.form_sd and not any(self.is_quiet(r) for r in rivals if not r.has_part)
 
     def ranked(
         self, rivals: Sequence[Rival], *, by_rows: bool = False, missing: bool = False

@@ -32,7 +32,7 @@ def test_day_to_day_variation_is_no_unexplained_change(left_by_days: float, outc
     as_configured = SimpleNamespace(kind=NOTHING, floors=1.8)
     other_days = SimpleNamespace(kind=NOTHING, floors=left_by_days)
     search = SimpleNamespace(
-        question=SimpleNamespace(gap=lambda rival: rival.floors, quiet_gap=1.35),
+        question=SimpleNamespace(is_quiet=lambda rival: rival.floors <= 1.35),
         final=as_configured,
         moved=False,
         steps=[SimpleNamespace(rivals=[other_days])],

@@ -44,6 +44,10 @@ def floors_left(rival: Rival) -> float:
     return float(np.sqrt(rival.squares.sum()))
 
 
+def is_quiet(rival: Rival) -> bool:
+    return floors_left(rival) <= 1.35
+
+
 def score_of(rival: Rival) -> float:
     return float(rival.scores.sum())
 
@@ -75,17 +79,17 @@ def test_a_fit_is_steadied_only_where_the_part_then_explains_something(
 
 
 @pytest.mark.parametrize(
-    ("form_share", "effect", "refuted"),
+    ("form_shares", "effect", "refuted"),
     [
-        (0.0, 0.6, [True, False]),
-        (0.0, 1.5, [False, False]),
-        (0.9, 0.6, [True, False]),
+        (None, 0.6, [True, False]),
+        (None, 1.5, [False, False]),
+        (np.array([0.9]), 0.6, [True, False]),
     ],
 )
 def test_a_simulator_that_leaves_more_than_nothing_new_leaves_is_refuted_by_one_that_does_not(
-    form_share: float, effect: float, refuted: list[bool]
+    form_shares: np.ndarray | None, effect: float, refuted: list[bool]
 ) -> None:
-    question = SimpleNamespace(gap=floors_left, quiet_gap=1.35, form_share=form_share, form_sd=())
+    question = SimpleNamespace(is_quiet=is_quiet, form_shares=form_shares, form_sd=())
     rivals = [
         leaving(NOTHING, 1.5),
         leaving(EFFECT, effect),
@@ -93,21 +97,36 @@ def test_a_simulator_that_leaves_more_than_nothing_new_leaves_is_refuted_by_one_
     assert Question.refuted(cast(Any, question), cast(Any, rivals)) == refuted
 
 
+@pytest.mark.parametrize(
+    ("form_shares", "in_one", "quiet"),
+    [(0.9, 3.5, True), (0.9, 7.0, False), (None, 3.0, True), (None, 4.5, False)],
+)
+def test_one_channel_shows_that_something_is_missing_where_floors_hold_an_error_of_form(
+    form_shares: float | None, in_one: float, quiet: bool
+) -> None:
+    """Over all ten channels seven floors in one are 2.3, as the error of form may leave."""
+    gaps = np.array([in_one, *[0.5] * 9])
+    question = SimpleNamespace(
+        gap=lambda _: float(np.sqrt((gaps**2).mean())),
+        channel_gaps=lambda _: gaps,
+        judged=SimpleNamespace(trials=[None], counts=np.ones((1, 10)), recorded=10),
+        form_shares=None if form_shares is None else np.full(10, form_shares),
+        good=4,
+    )
+    assert Question.is_quiet(cast(Any, question), leaving(NOTHING, 0.0)) is quiet
+
+
 def test_a_part_that_is_nearly_right_is_refuted_only_where_floors_hold_an_error_of_form() -> None:
     residual = [leaving(EFFECT, 1.5), leaving(NOTHING, 0.9)]
-    for form_share, refuted in ((0.0, False), (0.9, True)):
-        question = SimpleNamespace(
-            gap=floors_left, quiet_gap=1.35, form_share=form_share, form_sd=()
-        )
+    for form_shares, refuted in ((None, False), (np.array([0.9]), True)):
+        question = SimpleNamespace(is_quiet=is_quiet, form_shares=form_shares, form_sd=())
         first, _ = Question.refuted(cast(Any, question), cast(Any, residual))
         assert first is refuted
 
 
 def test_a_simulator_that_a_part_has_entered_is_not_refuted_by_what_its_form_leaves() -> None:
     residual = [leaving(NOTHING, 1.5), leaving(EFFECT, 0.9)]
-    question = SimpleNamespace(
-        gap=floors_left, quiet_gap=1.35, form_share=0.0, form_sd=("of one run",)
-    )
+    question = SimpleNamespace(is_quiet=is_quiet, form_shares=None, form_sd=("of one run",))
     assert Question.refuted(cast(Any, question), cast(Any, residual)) == [False, False]
 
 
@@ -118,7 +137,7 @@ def test_a_simulator_that_a_part_has_entered_is_not_refuted_by_what_its_form_lea
 def test_a_simulator_with_free_parameters_surely_lacks_something_where_it_leaves_more_than_noise(
     form_sd: tuple[str, ...], floors: tuple[float, float], incomplete: bool
 ) -> None:
-    question = SimpleNamespace(gap=floors_left, quiet_gap=1.35, form_sd=form_sd)
+    question = SimpleNamespace(is_quiet=is_quiet, form_sd=form_sd)
     rivals = [
         leaving(NOTHING, floors[0]),
         leaving(PARAMETERS, floors[1]),
