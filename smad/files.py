@@ -97,6 +97,12 @@ def named_output(
             yield partial
 
 
+def write_named(path: Path, data: bytes | str) -> None:
+    """As `write_whole`, for a file that a person named. Raises CommandError."""
+    with named_output(path) as partial:
+        partial.write_bytes(data.encode() if isinstance(data, str) else data)
+
+
 def write_whole(path: Path, data: bytes | str) -> None:
     """Write a file whole or not at all, text as UTF-8. Raises OSError."""
     with replacing(path) as partial:

@@ -11,8 +11,7 @@ import msgspec
 from evaluation.recovery.cases import NONE, Case, bench_parameters
 from evaluation.recovery.playing import FIT, HELD_OUT, REPEATS, Bench
 from evaluation.score.first_step import ScoredVerdict, scored
-from smad.checkup.commission import commissioned
-from smad.checkup.judge import judge_runs
+from smad.checkup.judge import commissioned, judge_runs
 from smad.diagnosis.diagnose import diagnose
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.runs import GapRun

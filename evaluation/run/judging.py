@@ -20,9 +20,8 @@ from evaluation.run.manifest import ROLES, BankRun, Case, Manifest
 from evaluation.score.answers import Cause as ScoredCause
 from evaluation.score.first_step import ScoredVerdict, scored
 from sim_device.plant import load_parameters
-from smad.checkup.commission import commissioned
 from smad.checkup.files import read_file
-from smad.checkup.judge import judge_runs
+from smad.checkup.judge import commissioned, judge_runs
 from smad.diagnosis.diagnose import diagnose
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.runs import GapRun

@@ -4,15 +4,14 @@ FOLDER/good-1, good-2 … hold the repeats, each a series; `baseline.json` and i
 are computed from them.
 """
 
-import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
-from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError
 from smad.checkup.files import read_folder, require_one_bench
+from smad.checkup.judge import commissioned
 from smad.checkup.programme import Programme, shipped
 from smad.checkup.series import Player, finished, folder_for, play_series, read_state
 from smad.checkup.store import Baseline, load, save
@@ -49,7 +48,7 @@ def commission(
     repeats += 0 if baseline is None else baseline.reference.repeats
     with opened as player:
         while (have := len(finished(good_series(folder), programme))) < repeats:
-            place = folder_for(folder, "good", programme, time.time)
+            place = folder_for(folder, "good", programme)
             originals = None if place.name == FIRST else folder / FIRST
             number = int(place.name.removeprefix("good-"))
             if ended := play_series(place, programme, player(number), originals, say):

@@ -1,14 +1,12 @@
 """A check-up: the runs of now against a baseline, or against files of a good day."""
 
 import re
-import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
 from smad.checkup.baseline import FIRST, good_series, require_same
-from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError
 from smad.checkup.files import (
     Matched,
@@ -20,7 +18,7 @@ from smad.checkup.files import (
     require_other_recordings,
 )
 from smad.checkup.investigation import REPORT, read_report, recorded_runs
-from smad.checkup.judge import Judgement, judge_runs
+from smad.checkup.judge import Judgement, commissioned, judge_runs
 from smad.checkup.programme import Programme
 from smad.checkup.proposal import Proposal, propose
 from smad.checkup.series import NOW, Player, folder_for, play_series, read_state
@@ -61,7 +59,7 @@ def check_baseline(
             require_same(folder, baseline, bench, programme, part=True)
             # A baseline of the quick part has nothing to compare the other runs with.
             shared = replace(programme, runs=tuple(r for r in programme.runs if r.name in names))
-            now = out or folder_for(folder, "now", shared, time.time)
+            now = out or folder_for(folder, "now", shared)
             play_series(now, shared, play, folder / FIRST, say)
         say(f"played into {now}; --now {now} judges these runs again")
     state = read_state(now)

@@ -8,8 +8,8 @@ from pathlib import Path
 from smad.checkup.series import cut_by
 from smad.counted import counted
 from smad.diagnosis.data.guards import same_recording
+from smad.diagnosis.data.rows import grouped, same_programme
 from smad.diagnosis.errors import PairingError
-from smad.diagnosis.paired.match import grouped, same_programme
 from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import read_recorded, require_columns

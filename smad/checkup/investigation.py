@@ -27,7 +27,6 @@ from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.verdict import QUIET, SignalGap, Verdict
-from smad.errors import refused_by_system
 from smad.progress import Say
 
 REPORT = "investigation.json"
@@ -201,7 +200,9 @@ class Investigation:
         report = msgspec.structs.replace(report, verdict=judgement.verdict)
         if judgement.verdict.outcome != QUIET:
             report = report if tripped else self._proved(report, quick, judgement)
-            report = self._with_model(report, judgement)
+            model = self.folder / "model.toml"
+            write_whole(model, judgement.verdict.model_text().encode())
+            report = msgspec.structs.replace(report, model=str(model))
         if proposal.staying:
             offers = unpaired_offers(judgement, self.programme)
             rounded = {run: round(separation, 1) for run, separation in offers.items()}
@@ -280,13 +281,6 @@ class Investigation:
             self.say(f"no proof: {error.cause}")
             return report
         return msgspec.structs.replace(report, proof=gaps_on(judgement, pairs.evidence()))
-
-    def _with_model(self, report: Report, judgement: Judgement) -> Report:
-        path = self.folder / "model.toml"
-        action = "make room; the runs are kept, and the same command continues"
-        with refused_by_system(BaselineError, f"cannot write {path}", action=action):
-            judgement.verdict.write_model(path)
-        return msgspec.structs.replace(report, model=str(path))
 
     def _write(self, report: Report) -> None:
         text = msgspec.json.format(msgspec.json.encode(report), indent=1)

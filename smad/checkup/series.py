@@ -60,7 +60,7 @@ class State(msgspec.Struct, frozen=True):
     ended: str = ""
 
 
-def folder_for(parent: Path, kind: str, programme: Programme, clock_s: Callable[[], float]) -> Path:
+def folder_for(parent: Path, kind: str, programme: Programme) -> Path:
     """Where the next series of a kind goes: the newest that is not finished, or a new one.
 
     Raises BaselineError when its folder cannot be written.
@@ -72,7 +72,7 @@ def folder_for(parent: Path, kind: str, programme: Programme, clock_s: Callable[
 
     folder = newest_open(parent, kind, goes_on)
     if read_state(folder) is None:
-        _write(folder, State(programme.digest, clock_s()))
+        _write(folder, State(programme.digest, time.time()))
     return folder
 
 

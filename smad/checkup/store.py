@@ -1,21 +1,25 @@
 """A baseline as a folder: the good runs, and what was computed from them.
 
 `baseline.json` names schema, programme and plant, for no other of which the baseline serves;
-`reference.npz` holds the arrays.
+`reference.npz` holds the arrays. They come from a folder that anybody may have written: a file of a
+few megabytes may claim gigabytes of zeros, text in place of numbers, or arrays that do not fit each
+other. So they are bounded by what their headers say before one of them is read.
 """
 
 import functools
 import hashlib
+import zipfile
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import prod
 from pathlib import Path
-from zipfile import BadZipFile, is_zipfile
+from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.lib import format as npy
 
-from smad.checkup.arrays import read_arrays, require
 from smad.checkup.errors import BaselineError
 from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.rows import binned
@@ -27,12 +31,14 @@ from smad.diagnosis.plant import ModelPoint, PlantModel
 from smad.diagnosis.rivals.changes import Changes, values_asked
 from smad.diagnosis.runs import GapRun
 from smad.files import named_output
+from smad.runlog.bounds import MOST_ARRAYS, MOST_ARRAYS_BYTES
 
 SCHEMA = 15
 """Raised when arrays change their meaning: earlier baselines are then computed again."""
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")
 _RUN = ("mean", "valid", "count", "regime", "base", "slopes")
+_KINDS = {"floats": "f", "whole numbers": "iu", "yes or no": "b"}
 _ANEW = "commission again in the same folder: it is computed anew from the runs that are there"
 _BROKEN = (
     OSError,
@@ -40,7 +46,7 @@ _BROKEN = (
     KeyError,
     IndexError,
     EOFError,
-    BadZipFile,
+    zipfile.BadZipFile,
     NotImplementedError,
     RuntimeError,
     zlib.error,
@@ -147,7 +153,7 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         )
     digest = _digest(folder / _ARRAYS)
     if about.arrays and digest and digest != about.arrays:
-        is_whole = is_zipfile(folder / _ARRAYS)
+        is_whole = zipfile.is_zipfile(folder / _ARRAYS)
         mixed = f"is not that of {folder / _ABOUT}: two baselines are mixed"
         raise BaselineError(
             f"{folder / _ARRAYS} {mixed if is_whole else 'is cut off or damaged'}",
@@ -156,7 +162,7 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
             action=_ANEW,
         )
     try:
-        arrays = read_arrays(folder / _ARRAYS)
+        arrays = _read_arrays(folder / _ARRAYS)
         _require_fitting(about, plant, arrays)
         runs = tuple(_run(k, x, arrays, plant) for k, x in enumerate(about.runs))
         floor = Floor(degrees=about.degrees, **{n: arrays[f"floor.{n}"] for n in _FLOOR})
@@ -202,32 +208,96 @@ def read_about(folder: Path) -> About:
     return about
 
 
+def _read_arrays(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of an `.npz` file by name.
+
+    Raises ValueError for arrays of something else than numbers, and for more or larger ones than a
+    baseline has; and what opening and unpacking raise.
+    """
+    arrays = {}
+    bytes_left = MOST_ARRAYS_BYTES
+    with zipfile.ZipFile(path) as packed:
+        members = packed.namelist()
+        if len(members) > MOST_ARRAYS or len(set(members)) < len(members):
+            raise ValueError(f"{len(members)} arrays, allowed: {MOST_ARRAYS} of different names")
+        for member in members:
+            with packed.open(member) as file:
+                shape, dtype = _header(member, file)
+            bytes_left -= prod(shape) * dtype.itemsize
+            if bytes_left < 0:
+                raise ValueError(
+                    f"its arrays are more than {MOST_ARRAYS_BYTES} bytes, too many for a baseline "
+                    f"({member} claims {shape})"
+                )
+        for member in members:
+            with packed.open(member) as file:
+                arrays[member.removesuffix(".npy")] = npy.read_array(file, allow_pickle=False)
+    return arrays
+
+
+def _header(member: str, file: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    version = npy.read_magic(file)
+    read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
+    if read is None:
+        raise ValueError(f"{member} is of an unknown version {version}")
+    shape, _, dtype = read(file)
+    if dtype.kind not in "fiub" or dtype.itemsize > 8 or any(n < 0 for n in shape):
+        raise ValueError(f"{member} holds {dtype} of shape {shape}, no numbers")
+    return shape, dtype
+
+
 def _require_fitting(about: About, plant: PlantModel, arrays: Mapping[str, np.ndarray]) -> None:
     """Raise ValueError for arrays that do not fit the baseline, KeyError for an absent one."""
     channels, regimes = len(plant.channels), arrays["floor.sd"].shape[-1]
     if about.degrees < 0 or regimes < 1:
         raise ValueError(f"a floor of {about.degrees} degrees and {regimes} regimes")
-    require(arrays, "floor.sd", (channels, regimes), "floats", above=0.0)
-    require(arrays, "floor.rho", (channels,), "floats", least=0.0, below=1.0)
-    require(arrays, "floor.gauge", (channels,), "floats", above=0.0)
-    require(arrays, "floor.day_sd", (-1,), "floats", above=0.0)
+    _require(arrays, "floor.sd", (channels, regimes), "floats", above=0.0)
+    _require(arrays, "floor.rho", (channels,), "floats", least=0.0, below=1.0)
+    _require(arrays, "floor.gauge", (channels,), "floats", above=0.0)
+    _require(arrays, "floor.day_sd", (-1,), "floats", above=0.0)
     count = len(values_asked(plant.effects))
     for k, run in enumerate(about.runs):
         grid = (run.bins, channels)
         samples = arrays[f"{k}.t_s"].size
-        require(arrays, f"{k}.t_s", (samples,), "floats")
+        _require(arrays, f"{k}.t_s", (samples,), "floats")
         if samples < 2 or not (np.diff(arrays[f"{k}.t_s"]) > 0).all():
             raise ValueError(f"{k}.t_s does not increase")
         for signal in plant.inputs:
-            require(arrays, f"{k}.input.{signal.name}", (samples,), "floats")
-        require(arrays, f"{k}.base", grid, "floats")
-        require(arrays, f"{k}.mean", grid, "floats")
-        require(arrays, f"{k}.valid", grid, "yes or no")
-        require(arrays, f"{k}.count", grid, "whole numbers", least=0)
-        require(arrays, f"{k}.regime", grid, "whole numbers", least=0, below=regimes)
-        require(arrays, f"{k}.slopes", (len(plant.parameters), *grid), "floats")
-        require(arrays, f"{k}.responses", (-1, *grid), "floats")
-        require(arrays, f"{k}.changes", (count, *grid), "floats")
+            _require(arrays, f"{k}.input.{signal.name}", (samples,), "floats")
+        _require(arrays, f"{k}.base", grid, "floats")
+        _require(arrays, f"{k}.mean", grid, "floats")
+        _require(arrays, f"{k}.valid", grid, "yes or no")
+        _require(arrays, f"{k}.count", grid, "whole numbers", least=0)
+        _require(arrays, f"{k}.regime", grid, "whole numbers", least=0, below=regimes)
+        _require(arrays, f"{k}.slopes", (len(plant.parameters), *grid), "floats")
+        _require(arrays, f"{k}.responses", (-1, *grid), "floats")
+        _require(arrays, f"{k}.changes", (count, *grid), "floats")
+
+
+def _require(
+    arrays: Mapping[str, np.ndarray],
+    name: str,
+    shape: tuple[int, ...],
+    kind: str,
+    *,
+    least: float = -np.inf,
+    above: float = -np.inf,
+    below: float = np.inf,
+) -> None:
+    """Raise ValueError for an array of another shape (−1: any length) or kind, and for a number
+    that is not finite or out of range; KeyError for an array that is absent."""
+    array = arrays[name]
+    fits = array.ndim == len(shape) and all(
+        want in (-1, n) for n, want in zip(array.shape, shape, strict=True)
+    )
+    if not fits or array.dtype.kind not in _KINDS[kind]:
+        raise ValueError(
+            f"{name} holds {array.dtype} of shape {array.shape}, allowed: {kind} of {shape}"
+        )
+    wrong = array[~(np.isfinite(array) & (array >= least) & (array < below))]
+    wrong = wrong if len(wrong) else array[array <= above]
+    if len(wrong):
+        raise ValueError(f"{name} holds {wrong[0]}, which it cannot be")
 
 
 def _run(k: int, x: _RunFile, arrays: Mapping[str, np.ndarray], plant: PlantModel) -> GoodRun:

@@ -31,7 +31,7 @@ from smad.cli.gap_simulator import Simulator, map_option, mapping_of, processes_
 from smad.cli.options import EXISTING, OUTPUT, Group, argument, json_option, option, together
 from smad.cli.output import print_json
 from smad.cli.quantity import Whole
-from smad.files import named_output
+from smad.files import write_named
 from smad.view.terminal.progress import progress
 
 
@@ -83,13 +83,7 @@ def diagnose(
         )
         arguments = ""
     else:
-        from smad.diagnosis.spring_pair.files import diagnose_files
-
-        mapping = mapping_of(simulator.map_path)
-        with progress() as line:
-            answer = diagnose_files(
-                pair.plant(), runs, good, hold_out, trust, mapping=mapping, progress=line.say
-            )
+        answer = pair.diagnose(runs, good, hold_out, trust, simulator.map_path)
         # Of a plant that is not ours, no command but this one is known.
         arguments = arguments_text(runs, hold_out, good, simulator.map_path)
     verdict = answer.verdict
@@ -116,9 +110,7 @@ def apply(
     from smad.diagnosis.verdict import read_verdict
 
     read = read_verdict(verdict)
-    text = read.model_text(first, as_json=out.suffix == ".json")
-    with named_output(out) as path:
-        path.write_text(text, "utf-8")
+    write_named(out, read.model_text(first, as_json=out.suffix == ".json"))
     causes = (f", {cause.name or cause.words}" for cause in read.causes[:first])
     click.echo(f"{out}: parameters{''.join(causes)}")
 

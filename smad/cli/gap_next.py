@@ -16,7 +16,7 @@ from smad.cli.gap_runs import (
     some_runs_argument,
     without_cut_runs,
 )
-from smad.cli.gap_simulator import map_option, mapping_of
+from smad.cli.gap_simulator import map_option
 from smad.cli.options import EXISTING, FOLDER, PATH, bench_option, flag, option, together
 from smad.cli.output import ready_client
 from smad.cli.quantity import Whole
@@ -86,14 +86,8 @@ def next_experiment(
         click.echo("\n".join(catalogue_lines()))
         return
     from smad.diagnosis.next_run import offer_lines, offers
-    from smad.diagnosis.spring_pair.files import diagnose_files
 
-    good = without_cut_runs(good)
-    with progress() as line:
-        mapping = mapping_of(map_path)
-        answer = diagnose_files(
-            pair.plant(), runs, good, hold_out, mapping=mapping, progress=line.say
-        )
+    answer = pair.diagnose(runs, without_cut_runs(good), hold_out, map_path=map_path)
     print_verdict(answer.verdict)
     require_answered(answer.verdict)
     with progress() as line:

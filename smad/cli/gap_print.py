@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from smad.cli.gap_simulator import mapping_of
 from smad.cli.options import option
 from smad.errors import REFUSED_STATUS
+from smad.view.terminal.progress import progress
 from smad.view.terminal.tables import wrapped
 
 if TYPE_CHECKING:
@@ -43,6 +45,31 @@ class SpringPair:
         from smad.diagnosis.spring_pair import SmaPlant
 
         return SmaPlant(load_parameters(self.params), self.variant)
+
+    def diagnose(
+        self,
+        runs: Sequence[Path],
+        good: Sequence[Path],
+        hold_out: Sequence[Path],
+        trusted: Sequence[str] = (),
+        map_path: Path | None = None,
+    ) -> Answer:
+        """Where it and the runs of files disagree; see `smad.diagnosis.diagnose`.
+
+        `trusted` are names or paths of runs that the nominal model's opinion does not refuse.
+        """
+        from smad.diagnosis import diagnose
+        from smad.diagnosis.spring_pair.signals import read_gap_runs
+
+        mapping, plant, every = mapping_of(map_path), self.plant(), (*runs, *good, *hold_out)
+        with progress() as line:
+            fitted, known_good, judged_on = (
+                read_gap_runs(paths, every, trusted, mapping, line.say)
+                for paths in (runs, good, hold_out)
+            )
+            return diagnose(
+                fitted, plant=plant, good=known_good, hold_out=judged_on, progress=line.say
+            )
 
 
 def arguments_text(

@@ -10,7 +10,7 @@ from smad.diagnosis.data.guards import FIT, GOOD, HOLD_OUT, goes_further, too_fe
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.moved_inputs import moved_inputs
 from smad.diagnosis.numerics.threads import repeatable
-from smad.diagnosis.paired.notes import compared, notes_of
+from smad.diagnosis.paired.difference import compared, notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import Effect, PlantModel
 from smad.diagnosis.questions import AdmittedRuns, changed_pairs, changed_runs, differs

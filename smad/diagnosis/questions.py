@@ -17,9 +17,9 @@ from functools import cached_property, partial
 import numpy as np
 
 from smad.diagnosis.data.noise import estimate_floors
+from smad.diagnosis.data.rows import grouped, same_programme
 from smad.diagnosis.paired.difference import PairedRuns, pair_runs, question_of_pairs
 from smad.diagnosis.paired.good import good_runs
-from smad.diagnosis.paired.match import grouped, same_programme
 from smad.diagnosis.places.bare import InWindows, unwrapped
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Array, Effect, ModelPoint, nominal_point

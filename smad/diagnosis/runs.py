@@ -108,19 +108,13 @@ class GapRun:
         """Spacing of numbers at the start of the clock: 0.24 µs for Unix time, near 0 at 0."""
         return float(np.spacing(np.abs(self.t_s[:1])).max(initial=0.0))
 
-    def within_rounding(self, period_s: float, usual: float) -> float:
-        """Share of a period by which a sample may lie before an edge and count as on it.
-
-        That is `usual`, or more for a clock that is rounded more coarsely.
-        """
-        return max(usual, _ROUNDINGS * self.resolution_s / max(period_s, 1e-9))
-
     def period_numbers(self, elapsed_s: Array, period_s: float, usual: float) -> Index:
         """Number of the period in which each of the times since a start lies, (n,).
 
-        `usual` is as of `within_rounding`.
+        A sample before an edge by the share `usual` of a period counts as on it; so does one by
+        more, if the clock is rounded more coarsely.
         """
-        share = self.within_rounding(period_s, usual)
+        share = max(usual, _ROUNDINGS * self.resolution_s / max(period_s, 1e-9))
         return np.asarray(np.floor(elapsed_s / period_s + share), dtype=np.intp)
 
     @property

@@ -11,7 +11,7 @@ from smad.experiments.base import Comparison
 from smad.experiments.campaign import CampaignResult
 from smad.experiments.contradictions import CONTRADICTIONS, reference
 from smad.experiments.estimate import Estimate
-from smad.files import named_output
+from smad.files import write_named
 from smad.report.page import Code, Fold, Page, Section, Table, Text, write_page
 
 
@@ -97,8 +97,7 @@ def write_campaign(
     campaign = campaign_page(result, model, given=given, facts=facts)
     files = {"page": str(write_page(campaign, page))}
     if parameters is not None:
-        with named_output(parameters) as partial:
-            partial.write_text(parameters_text(result.recovered))
+        write_named(parameters, parameters_text(result.recovered))
         files["parameters"] = str(parameters)
     return files
 

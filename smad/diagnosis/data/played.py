@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 from smad.diagnosis.data.grid import PERIOD_S, thinned
 from smad.diagnosis.data.rows import bin_numbers
 from smad.diagnosis.numerics.threads import each
-from smad.diagnosis.plant import Array, Channel, Index, ModelPoint, PlantModel, Signal, traits_of
+from smad.diagnosis.plant import Array, Channel, ModelPoint, PlantModel, Signal, traits_of
 from smad.diagnosis.runs import GapRun
 
 _THETA_STEP = 0.1
@@ -21,20 +21,6 @@ _PIECES, _COARSE = 5, 2
 """Pieces of a row in a quick replay, and in one for small changes."""
 _DIVERGED = 1e12
 """No reading is so large; squares and single precision would overflow."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Bins:
-    """Samples `inside` the grid with the number of readings in each, `size`.
-
-    The samples of each bin in `filled` begin at `starts`; `count` (bins,) is the sum of sizes.
-    """
-
-    inside: slice
-    size: Array
-    filled: Index
-    starts: Index
-    count: Array
 
 
 @dataclass(frozen=True)
@@ -86,11 +72,7 @@ class Played:
 
         `exact`: the samples are those of the run as it was recorded.
         """
-        bins = self._exact_bins if exact else self._bins
-        sums = np.zeros((len(series), self.bins))
-        inside = series[:, bins.inside] * bins.size
-        sums[:, bins.filled] = np.add.reduceat(inside, bins.starts, axis=1)
-        return sums / bins.count
+        return self._exact_means(series) if exact else self._means(series)
 
     def on_grid(
         self, outputs: Mapping[str, Array], channels: Sequence[Channel], *, exact: bool = False
@@ -100,14 +82,15 @@ class Played:
         return np.ascontiguousarray(self.means(series, exact=exact).T)
 
     @cached_property
-    def _bins(self) -> _Bins:
-        return self._bins_of(self.run)
+    def _means(self) -> Callable[[Array], Array]:
+        return self._means_over(self.run)
 
     @cached_property
-    def _exact_bins(self) -> _Bins:
-        return self._bins_of(self.whole)
+    def _exact_means(self) -> Callable[[Array], Array]:
+        return self._means_over(self.whole)
 
-    def _bins_of(self, run: GapRun) -> _Bins:
+    def _means_over(self, run: GapRun) -> Callable[[Array], Array]:
+        """A function that gives the means of series over the samples of a run in each bin."""
         number = bin_numbers(run, self.start_s, self.period_s)
         inside = slice(*(int(k) for k in np.searchsorted(number, (0, self.bins))))
         number, size, readings = number[inside], run.pieces[inside], run.readings[inside]
@@ -116,7 +99,13 @@ class Played:
         size = np.where(measured, readings, size)
         filled, starts = np.unique(number, return_index=True)
         count = np.maximum(np.bincount(number, size, minlength=self.bins), 1.0)
-        return _Bins(inside=inside, size=size, filled=filled, starts=starts, count=count)
+
+        def means(series: Array) -> Array:
+            sums = np.zeros((len(series), self.bins))
+            sums[:, filled] = np.add.reduceat(series[:, inside] * size, starts, axis=1)
+            return sums / count
+
+        return means
 
     @property
     def coarse(self) -> Played:

@@ -6,8 +6,6 @@ and a drained tube keep is not.) Replayed from where it was mounted, a bench tha
 would leave many floors of such a run.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

@@ -7,8 +7,6 @@ instead of the start is not ruled out. Unlike other directions it has no form er
 away, so that a large one would hide for a whole run what lasts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
@@ -51,11 +49,7 @@ def distances(
 
 
 def directions(
-    plant: PlantModel,
-    point: ModelPoint,
-    again: Played,
-    predicted: Array,
-    away: Mapping[str, float],
+    plant: PlantModel, point: ModelPoint, again: Played, predicted: Array, away: Mapping[str, float]
 ) -> Array:
     """What starting so far `away` by channel does to a run, (directions, bins, channels).
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from smad.diagnosis.answer import Answer
-from smad.files import named_output
+from smad.files import write_named
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,10 +20,7 @@ class AnswerFiles:
     model: Path | None
 
     def write(
-        self,
-        answer: Answer,
-        arguments: str,
-        facts: Sequence[tuple[str, str]],
+        self, answer: Answer, arguments: str, facts: Sequence[tuple[str, str]]
     ) -> tuple[list[Path], list[Exception]]:
         """Write each file whole; the files that are written, and what the others raised.
 
@@ -37,13 +34,10 @@ class AnswerFiles:
             write_page(page_of(answer, arguments, facts, (self.verdict, self.model)), path)
 
         def write_verdict(path: Path) -> None:
-            with named_output(path) as partial:
-                partial.write_bytes(answer.verdict.to_json())
+            write_named(path, answer.verdict.to_json())
 
         def write_model(path: Path) -> None:
-            text = answer.verdict.model_text(as_json=path.suffix == ".json")
-            with named_output(path) as partial:
-                partial.write_text(text, "utf-8")
+            write_named(path, answer.verdict.model_text(as_json=path.suffix == ".json"))
 
         pairs = (
             (write_verdict, self.verdict),

@@ -278,10 +278,7 @@ def judged_lines(v: Verdict) -> list[str]:
 
 
 def advice(
-    verdict: Verdict,
-    arguments: str,
-    json_path: Path | None = None,
-    model_path: Path | None = None,
+    verdict: Verdict, arguments: str, json_path: Path | None = None, model_path: Path | None = None
 ) -> list[tuple[str, str]]:
     """What to do next: commands and why.
 

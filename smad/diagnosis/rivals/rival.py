@@ -23,12 +23,7 @@ from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.convergence import fit_to_end
 from smad.diagnosis.rivals.evidence import Evidence, form_sd_of
 from smad.diagnosis.rivals.fit import Fit, Reference, fit, reference_of, replayed
-from smad.diagnosis.rivals.left_out import (
-    Predicted,
-    left_out_predictions,
-    squares_left,
-    stitched,
-)
+from smad.diagnosis.rivals.left_out import Predicted, left_out_predictions, squares_left, stitched
 from smad.diagnosis.rivals.parts import Model, Part
 from smad.diagnosis.rivals.score import (
     EFFECT,

@@ -18,8 +18,13 @@ import numpy as np
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.rivals.changes import Change, changes_at
-from smad.diagnosis.rivals.competing import POLISHED, WITHIN, CompetingFits
-from smad.diagnosis.rivals.earlier import earlier_starts, halfway_starts
+from smad.diagnosis.rivals.competing import (
+    POLISHED,
+    WITHIN,
+    CompetingFits,
+    earlier_starts,
+    halfway_starts,
+)
 from smad.diagnosis.rivals.fit import Fit, Reference, fit, reference_at, reference_of
 from smad.diagnosis.rivals.laws import selected_laws
 from smad.diagnosis.rivals.parts import LawPart, Part

@@ -62,11 +62,7 @@ class GivenPoint:
         self.variant, self.nominal = plant.variant, plant.parameter_set
         self.parameters, effects = plant.set_of(point.theta), plant.acting(point)
         self.setup = Setup.make(
-            self.parameters,
-            variant=self.variant,
-            effects=effects,
-            laws=point.laws,
-            **_OPTIONS,
+            self.parameters, variant=self.variant, effects=effects, laws=point.laws, **_OPTIONS
         )
         self.zero_mm = point.theta.get("displacement_zero", 0.0)
         self.acting = repr((sorted(effects.items()), point.laws))

@@ -16,10 +16,9 @@ import pytest
 from evaluation.programme.segments import run_of
 from evaluation.programme.writing import write_programme
 from smad.checkup.check import check_files, checked_files
-from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError, ProgrammeError
 from smad.checkup.files import RunFile, read_file, read_folder, require_other_recordings
-from smad.checkup.judge import Judgement, judge_runs
+from smad.checkup.judge import Judgement, commissioned, judge_runs
 from smad.checkup.programme import (
     Programme,
     ProgrammeRun,

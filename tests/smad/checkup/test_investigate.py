@@ -11,7 +11,6 @@ import pytest
 from evaluation.programme.segments import run_of
 from sim_device.plant.laws import Factor, Law, Term
 from smad.checkup.check import proposed
-from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError
 from smad.checkup.investigation import (
     REPORT,
@@ -20,7 +19,7 @@ from smad.checkup.investigation import (
     open_folder,
     read_report,
 )
-from smad.checkup.judge import Judgement, judge_runs
+from smad.checkup.judge import Judgement, commissioned, judge_runs
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.proposal import propose, unpaired_offers
 from smad.checkup.series import Recorded

@@ -2,8 +2,7 @@
 
 import pytest
 
-from smad.checkup.commission import commissioned
-from smad.checkup.judge import judge_runs
+from smad.checkup.judge import commissioned, judge_runs
 from smad.diagnosis import Verdict
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.plant import EffectValues

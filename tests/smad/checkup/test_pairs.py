@@ -7,14 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smad.checkup.commission import commissioned
-from smad.checkup.judge import judge_runs
+from smad.checkup.judge import commissioned, judge_runs
 from smad.checkup.programme import shipped
 from smad.checkup.store import Baseline, load, save
 from smad.diagnosis.data.starts import usual_starts
-from smad.diagnosis.paired.difference import pair_runs
+from smad.diagnosis.paired.difference import notes_of, pair_runs
 from smad.diagnosis.paired.good import least_sd
-from smad.diagnosis.paired.notes import notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.rivals.evidence import Evidence, without_drifts

@@ -33,7 +33,7 @@ class Player:
 
 
 def series(parent: Path, kind: str, programme: Programme = PROGRAMME) -> Path:
-    return folder_for(parent, kind, programme, lambda: 1.7e9)
+    return folder_for(parent, kind, programme)
 
 
 def said(text: str) -> None:

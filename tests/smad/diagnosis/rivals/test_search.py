@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from smad.diagnosis.rivals import earlier
+from smad.diagnosis.rivals import competing
 from smad.diagnosis.rivals.competing import CompetingFits
 from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import EffectPart, Model
@@ -309,7 +309,7 @@ def test_an_imitated_effect_begins_halfway_unless_it_was_fitted_beside_other_par
         imitated_effects(gain, lag, x=[3.0, 2.0, *[1.0] * gain.size, *[8.0] * size]),
         SimpleNamespace(fit=None),
     ]
-    ((part, start),) = earlier.halfway_starts(cast(Any, rivals), cast(Any, base))
+    ((part, start),) = competing.halfway_starts(cast(Any, rivals), cast(Any, base))
     assert part is lag
     assert start[:2].tolist() == [2.0, 3.0]
     assert start[2:].tolist() == lag.weaker(np.full(size, 8.0), 0.5).tolist()
@@ -341,7 +341,7 @@ def test_beside_a_cause_an_effect_begins_as_it_was_fitted_without_it_where_it_le
     def objective_at(_: object, model: Model, x: np.ndarray) -> float:
         return leaves if [part.name for part in model.parts] == [lag.name, gain.name] else 1200.0
 
-    monkeypatch.setattr(earlier, "objective_at", objective_at)
-    starts = earlier.earlier_starts(cast(Any, None), rivals, cast(Any, base))
+    monkeypatch.setattr(competing, "objective_at", objective_at)
+    starts = competing.earlier_starts(cast(Any, None), rivals, cast(Any, base))
     begun = [x.tolist() for _, x in starts]
     assert begun == [[0.1, 0.2, *[0.6] * lag.size, *[0.06] * gain.size]] * begins

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from smad.diagnosis.paired.match import grouped, same_programme
+from smad.diagnosis.data.rows import grouped, same_programme
 from smad.diagnosis.runs import GapRun
 from tests.smad.diagnosis.heater_plant import HeaterPlant, recorded
 
