@@ -207,6 +207,17 @@ def bridged(column: Array) -> Array:
     return np.interp(index, index[good], column[good])
 
 
+def ranges_of(columns: Iterable[Mapping[str, Array]]) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of each column over several mappings; empty columns do not count."""
+    out: dict[str, tuple[float, float]] = {}
+    for of_run in columns:
+        for name, values in of_run.items():
+            if len(values):
+                low, high = out.get(name, (np.inf, -np.inf))
+                out[name] = min(low, float(values.min())), max(high, float(values.max()))
+    return out
+
+
 def distinctly_named(groups: Iterable[Sequence[GapRun]]) -> list[list[GapRun]]:
     """The groups with distinct names: a second run of a name is numbered, "push (2)"."""
     taken: set[str] = set()

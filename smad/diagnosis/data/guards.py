@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from smad.diagnosis.plant import Array, PlantModel, nominal_replay
-from smad.diagnosis.runs import GapRun
+from smad.diagnosis.runs import GapRun, ranges_of
 from smad.diagnosis.verdict import Finding
 
 FIT, HOLD_OUT, GOOD = "fit", "hold-out", "good"
@@ -125,11 +125,7 @@ def goes_further(
 
 def _ranges(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, tuple[float, float]]:
     """Lowest and highest value of each channel that the nominal model predicts of some runs."""
-    ranges: dict[str, tuple[float, float]] = {}
-    for run in runs:
-        for channel, values in nominal_replay(run, plant).items():
-            y = values[np.isfinite(values)]
-            if channel in run.outputs and len(y):
-                low, high = ranges.get(channel, (np.inf, -np.inf))
-                ranges[channel] = min(low, float(y.min())), max(high, float(y.max()))
-    return ranges
+    return ranges_of(
+        {c: y[np.isfinite(y)] for c, y in nominal_replay(run, plant).items() if c in run.outputs}
+        for run in runs
+    )

@@ -17,8 +17,9 @@ from sim_device.plant.errors import PlantError
 from smad.diagnosis.data.played import Played, finite
 from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.places.bare import BarePlaces
-from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, law_values
+from smad.diagnosis.places.place import BOTH, Forcing, PlacesPlant, law_values
 from smad.diagnosis.plant import Array, Index, ModelPoint, Singles, traits_of
+from smad.diagnosis.runs import ranges_of
 from smad.progress import Say, silent
 
 
@@ -117,22 +118,10 @@ def candidate_laws(
     laws: list[Law] = []
     for place in plant.places:
         for side in place.sides:
-            support = _support(plant, place, side, states)
+            support = ranges_of(plant.seen(place.name, side, trajectory) for trajectory in states)
             terms = terms_over(place.states, support, bends=bare, products=False, signed=signed)
             laws.append(Law(place.name, side, terms))
     return tuple(laws)
-
-
-def _support(
-    plant: PlacesPlant, place: Place, side: str, states: Sequence[Mapping[str, Array]]
-) -> dict[str, tuple[float, float]]:
-    """Lowest and highest value of each state over some trajectories, as one side sees it."""
-    out: dict[str, tuple[float, float]] = {}
-    for trajectory in states:
-        for name, values in plant.seen(place.name, side, trajectory).items():
-            low, high = out.get(name, (np.inf, -np.inf))
-            out[name] = min(low, float(values.min())), max(high, float(values.max()))
-    return out
 
 
 def responses(

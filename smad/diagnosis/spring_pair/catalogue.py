@@ -1,8 +1,8 @@
 """Safe experiments on the spring pair, as timelines of controller commands.
 
 `smad gap next` chooses among `CATALOGUE`; `ROUTINE` are varied everyday runs for tests and
-benchmarks. Every timeline stays within the host's limits: at most 4 A,
-springs below 65 °C in the model, ±9 mm.
+benchmarks. Every timeline stays within the host's limits: at most 4 A, springs below 65 °C in the
+model, ±9 mm.
 """
 
 from collections.abc import Callable, Iterable, Sequence
