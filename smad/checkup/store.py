@@ -9,7 +9,6 @@ other. So they are bounded by what their headers say before one of them is read.
 import functools
 import hashlib
 import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import prod
@@ -31,7 +30,7 @@ from smad.diagnosis.plant import ModelPoint, PlantModel
 from smad.diagnosis.rivals.changes import Changes, values_asked
 from smad.diagnosis.runs import GapRun
 from smad.files import named_output
-from smad.runlog.bounds import MOST_ARRAYS, MOST_ARRAYS_BYTES
+from smad.runlog.bounds import DAMAGED, MOST_ARRAYS, MOST_ARRAYS_BYTES
 
 SCHEMA = 15
 """Raised when arrays change their meaning: earlier baselines are then computed again."""
@@ -40,17 +39,7 @@ _FLOOR = ("sd", "rho", "day_sd", "gauge")
 _RUN = ("mean", "valid", "count", "regime", "base", "slopes")
 _KINDS = {"floats": "f", "whole numbers": "iu", "yes or no": "b"}
 _ANEW = "commission again in the same folder: it is computed anew from the runs that are there"
-_BROKEN = (
-    OSError,
-    ValueError,
-    KeyError,
-    IndexError,
-    EOFError,
-    zipfile.BadZipFile,
-    NotImplementedError,
-    RuntimeError,
-    zlib.error,
-)
+_BROKEN = (*DAMAGED, ValueError, LookupError, RuntimeError, zipfile.BadZipFile)
 """What unpacking raises of a file that is damaged, encrypted or of another kind."""
 
 
@@ -236,11 +225,9 @@ def _read_arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def _header(member: str, file: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    version = npy.read_magic(file)
-    read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
-    if read is None:
+    if (version := npy.read_magic(file)) != (1, 0):
         raise ValueError(f"{member} is of an unknown version {version}")
-    shape, _, dtype = read(file)
+    shape, _, dtype = npy.read_array_header_1_0(file)
     if dtype.kind not in "fiub" or dtype.itemsize > 8 or any(n < 0 for n in shape):
         raise ValueError(f"{member} holds {dtype} of shape {shape}, no numbers")
     return shape, dtype
