@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 _BINS = 24
 _MORE_SIGNALS = 5
+_DRIFTS = " Slow drifts and offsets that were fitted in the run are in the predictions."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,8 +38,9 @@ class Course:
     """The judged run with the largest gap; `measured`, `before` and `after` are (bins, channels).
 
     `before` is the simulator as configured, `after` with the causes, fitted without the run (None
-    without a fit). Both include the fitted drifts of the run, if it `has_drifts`. `floors` are
-    (bins, channels) in `units`, `order` the channels by gap, `labels` those of their axes.
+    without a fit). Both include the fitted drifts of the run; `drifts` is what a caption says of
+    these, empty without any. `floors` are (bins, channels) in `units`, `order` the channels by gap,
+    `labels` those of their axes.
     """
 
     run: str
@@ -51,7 +53,7 @@ class Course:
     labels: tuple[str, ...]
     units: tuple[str, ...]
     paired: bool
-    has_drifts: bool
+    drifts: str
 
     @classmethod
     def of(cls, answer: Answer, search: Search) -> Course:
@@ -89,14 +91,8 @@ class Course:
             labels=tuple(labelled(c.words or c.name, c.unit) for c in channels),
             units=tuple(c.unit for c in channels),
             paired=paired,
-            has_drifts=run.has_drifts,
+            drifts=_DRIFTS * run.has_drifts,
         )
-
-    @property
-    def drifts(self) -> str:
-        """The sentence of a caption on fitted drifts; empty without any."""
-        words = " Slow drifts and offsets that were fitted in the run are in the predictions."
-        return words * self.has_drifts
 
     def curves(self, c: int) -> list[tuple[Array, str, str, str, float]]:
         """The curves of a channel: values, label, colour, style and width."""

@@ -415,7 +415,7 @@ def test_a_signal_without_a_unit_has_none_on_its_axis() -> None:
         labels=("valve, share open",),
         units=("1",),
         paired=False,
-        has_drifts=False,
+        drifts="",
     )
     assert ">measured − simulated<" in largest_gap(course).svg
 
