@@ -11,7 +11,7 @@ from smad.diagnosis.plant import Array
 
 
 def lagged(y: Array, keep: float) -> Array:
-    """Samples (n,) or (n, columns) behind a lag that keeps `keep` of its value each sample.
+    """Samples (n,) behind a lag that keeps `keep` of its value each sample.
 
     It begins settled at the first sample.
     """
@@ -19,10 +19,5 @@ def lagged(y: Array, keep: float) -> Array:
     def follow(behind: float, new: float) -> float:
         return keep * behind + new
 
-    columns = y.reshape(len(y), -1).T
-    out = np.empty(columns.shape)
-    for row, column in zip(out, columns, strict=True):
-        if len(column):
-            news = ((1.0 - keep) * column).tolist()
-            row[:] = list(accumulate(news, follow, initial=float(column[0])))[1:]
-    return out.T.reshape(y.shape)
+    news = ((1.0 - keep) * y).tolist()
+    return np.array(list(accumulate(news, follow, initial=float(y[0])))[1:])

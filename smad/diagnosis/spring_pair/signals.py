@@ -93,7 +93,7 @@ _RATE_TAU_S = 0.3
 
 
 def smooth(y: Array, dt_s: float, tau_s: float) -> Array:
-    """Exponential smoothing forth and back, without delay; shape as given."""
+    """Exponential smoothing of samples (n,) forth and back, without delay."""
     keep = float(np.exp(-dt_s / tau_s))
     return lagged(lagged(y, keep)[::-1], keep)[::-1]
 
