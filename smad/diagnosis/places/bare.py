@@ -209,8 +209,6 @@ def _mixed(images: Sequence[Array], residuals: Sequence[Array]) -> Array:
     """The next series by Anderson's mixing (1965): the combination of images, with weights that sum
     to 1, whose residual is least."""
     steps = np.array([residuals[-1] - r for r in residuals[:-1]])
-    if not len(steps):
-        return images[-1]
     weights = np.linalg.lstsq(steps.T, residuals[-1], rcond=None)[0]
     back = np.array([images[-1] - x for x in images[:-1]])
     return np.asarray(images[-1] - weights @ back)

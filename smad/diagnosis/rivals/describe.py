@@ -110,12 +110,10 @@ def _read(plant: PlacesPlant, place: str, term: Term, unit: str) -> tuple[float,
     """The span of a term's state, the unit of its slope, what it goes with, and its state."""
     if not term.factors:
         return 1.0, unit, "always", ""
-    factor, *more = term.factors
+    # No candidate is a product of two.
+    (factor,) = term.factors
     label, of_state = plant.state_words(place, factor.state)
     label += f", behind by {factor.lag_s:g} s" if factor.lag_s else ""
-    if more:
-        other, _ = plant.state_words(place, more[0].state)
-        return 1.0, unit, f"{label} times {other}", factor.state
     if factor.kind == "sign":
         return 1.0, unit, f"sign of the {label}", factor.state
     if factor.kind == "bend":
