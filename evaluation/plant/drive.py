@@ -14,13 +14,12 @@ from evaluation.plant.layout import (
     AIR_DRAWN,
     AMPERE,
     CLOGGED,
-    COUNTED,
     DUTY_BEFORE,
+    FLAP,
     FLOW,
     FUSE_WARM,
     GLANCE,
     HEAD_AIR,
-    HELD_BACK,
     HELD_DOWN,
     INRUSH,
     KICK,
@@ -29,13 +28,14 @@ from evaluation.plant.layout import (
     LAG_C,
     LONG_ON,
     OHM,
+    OTHER_PLUME,
     PRIMED,
     PUMP,
     RAMPED,
     RETURN_POT,
     RING_DUTY_X,
     RING_LENGTH,
-    RUN_ON,
+    ROLLED,
     SET_BEFORE,
     SPEED,
     SPILT,
@@ -46,9 +46,9 @@ from evaluation.plant.layout import (
     THROTTLE,
     TIME,
     TIRED,
+    TONE,
     VORTEX,
     WOUND,
-    X,
 )
 from evaluation.plant.parameters import index
 
@@ -70,10 +70,6 @@ CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
 SUCTION = slot("shared_suction")
 MEMBRANE = slot("tired_membrane")
-LIFTED = slot("lifted_outlet")
-GEARS = slot("beating_gears")
-COUNTS_HEAT = slot("hiccuping_fuse")
-INTERLOCK = slot("flow_interlock")
 HEAD = slot("air_in_pump_head")
 POT = slot("filling_return_pot")
 VARIAC = slot("play_in_variac")
@@ -92,22 +88,23 @@ JOINS = slot("joining_stage")
 TAPS = slot("changing_taps")
 RAMPS = slot("ramped_pump")
 CLEANS = slot("self_cleaning_filter")
+TONES = slot("idle_tone_of_modulator")
+THROTTLED = slot("thermistor_on_wrong_tube")
+ROLLERS = slot("pulsing_rollers")
+STICKS = slot("sticking_flap")
 
 CURRENT_LIMIT_A = 4.0
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
 CALIBRATES_S = 9.0  # how often a driver calibrates itself, for 1 s
 SHAKES_AT, SHAKES_OVER = 0.55, 0.15  # speed at which a pump shakes, and how far from it
-GEARS_S = 7.0  # how often two worn gears meet again
-COUNTS_A2_S, HOLDS_S = 20.0, 1.5  # what an electronic fuse passes, then how long it holds back
-FALLS_BACK_S = 2.0  # how long a flow switch stays after its flow
 GATHERS_AT, BLOWN_OUT_AT = 0.05, 0.85  # speed of a pump whose head gathers air, or loses it
 BURST_S = 3.0  # how often a driver fires a burst
 TRACK_A = 0.4  # how much of a set value's track is worn
 JOINS_A, LEAVES_A = 2.2, 1.4  # set value at which a second stage joins in and leaves
 TAP_S = 0.5  # how long a changer of taps is open
 CLEANS_S = 4.0  # of full flow, after which a filter flushes itself back
+TONE_A_S, ROLLERS_S = 8.0, 8.0  # in a turn of a modulator's tone, and of rollers at full speed
 VORTEX_AT, VORTEX_S = 0.6, 3.0  # both flows' share above which a vortex grows, and how fast
-FLOWS_AT = 0.1  # speed of a pump from which a flow switch sees its flow
 
 
 @compiled
@@ -145,6 +142,9 @@ def current(
     if side[s, TAP_OPEN] > 0.0:
         i *= 1.0 - min(e[s, TAPS], 0.9)
         side[s, TAP_OPEN] -= dt
+    side[s, TONE] += dt * i / TONE_A_S
+    i *= 1.0 + min(e[s, TONES], 0.9) * math.sin(2.0 * math.pi * (side[s, TONE] + e[2, TONES]))
+    i *= max(0.1, 1.0 - e[1 - s, THROTTLED] * side[s, OTHER_PLUME])
     half = 0.5 * e[s, VARIAC]
     side[s, WOUND] = min(max(side[s, WOUND], i - half), i + half)
     if i > 0.0:
@@ -174,15 +174,6 @@ def current(
         side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], target, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
     side[s, FUSE_WARM] = approach(side[s, FUSE_WARM], (side[s, AMPERE] / 4.0) ** 2, dt, 6.0)
-    if side[s, RUN_ON] < FALLS_BACK_S:
-        i *= 1.0 - min(e[s, INTERLOCK], 0.9)
-    if side[s, HELD_BACK] > 0.0:
-        i *= 1.0 - min(e[s, COUNTS_HEAT], 0.9)
-        side[s, HELD_BACK] -= dt
-    side[s, COUNTED] += dt * i * i
-    if side[s, COUNTED] > COUNTS_A2_S:
-        side[s, COUNTED] -= COUNTS_A2_S
-        side[s, HELD_BACK] = HOLDS_S
     side[s, LAG_A] = approach(side[s, LAG_A], i, dt, p[DRIVER_LAG])
     slow = e[s, SLOW_DRIVER]
     if slow <= 0.0:
@@ -228,10 +219,13 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     share *= 1.0 - min(e[s, CLEANS], 0.95) * side[s, CLOGGED]
     side[s, CLOGGED] += dt / CLEANS_S * share
     side[s, CLOGGED] -= math.floor(side[s, CLOGGED])
-    drawn_in = pair[X] if s == 0 else -pair[X]
-    share *= max(1.0 - e[s, LIFTED] * drawn_in / 5e-3, 0.0)
-    beat = math.sin(2.0 * math.pi * (pair[TIME] / GEARS_S + e[2, GEARS]))
-    share *= 1.0 + min(e[s, GEARS], 0.95) * beat
+    side[s, ROLLED] += dt * side[s, PUMP] / ROLLERS_S
+    rolling = math.sin(2.0 * math.pi * (side[s, ROLLED] + e[2, ROLLERS]))
+    share *= 1.0 + min(e[s, ROLLERS], 0.95) * rolling
+    if side[s, PUMP] < 0.05:
+        side[s, FLAP] = approach(side[s, FLAP], 1.0, dt, 5.0)
+    side[s, FLAP] *= math.exp(-dt / 2.0 * side[s, PUMP])
+    share *= 1.0 - min(e[s, STICKS], 0.95) * side[s, FLAP]
     off = (side[s, PUMP] - SHAKES_AT) / SHAKES_OVER
     share *= 1.0 - min(e[s, SHAKES], 0.95) * math.exp(-off * off)
     share *= 1.0 - min(e[s, UNPRIMED], 0.95) * math.exp(-side[s, PRIMED])
@@ -247,7 +241,6 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
         slow = 10.0 if share > side[s, TIRED] else 25.0
         side[s, TIRED] = approach(side[s, TIRED], share, dt, slow)
         share *= 1.0 - min(e[s, MEMBRANE], 0.95) * min(side[s, TIRED], 1.0)
-    side[s, RUN_ON] = 0.0 if side[s, PUMP] > FLOWS_AT else side[s, RUN_ON] + dt
     full = p[FULL_FLOW] * (p[Y_FLOW] if s == 1 else 1.0)
     return float(full * share)
 

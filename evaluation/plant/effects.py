@@ -24,9 +24,6 @@ SIGNED = (
             "convection_exponent",
             "stress_latent_heat",
             "motor_beside_sensor",
-            "bowed_scale",
-            "hall_on_hose",
-            "wrong_table_entry",
             "gradient_in_cell",
             "lever_on_encoder",
             "bimetal_tongue",
@@ -38,6 +35,11 @@ SIGNED = (
             "sagging_lead",
             "wavy_converter",
             "wrong_compensation",
+            "joining_stage",
+            "swaying_reference",
+            "parting_rtd_joint",
+            "charging_slide",
+            "zeroed_at_rest",
         )
     )
     | sealed.SIGNED

@@ -15,15 +15,15 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMBIENT,
     AMPERE,
+    BREATHED,
     BURST,
     CELL_WIDTH,
     CELLS,
-    CLAMP_WARM,
     COLUMNS,
-    DRIVERS_WARM,
     DUTY_X,
     DUTY_Y,
     FILL,
+    FLAP,
     FORCE_X,
     FORCE_Y,
     FRACTION,
@@ -32,6 +32,7 @@ from evaluation.plant.layout import (
     HEATED_FROM,
     HELD_FORCE,
     I_X,
+    ICE,
     INLET,
     LAST_SHOWN,
     LATE_SET,
@@ -50,16 +51,15 @@ from evaluation.plant.layout import (
     RTD_A,
     RTD_B,
     RUBBED_BEFORE,
-    RUN_ON,
-    SEEN_BEFORE,
     SIDE_WIDTH,
     SINCE_MOVED,
     SINK_WARM,
     SLEEVE,
     STEM,
-    TAKEN_UP,
+    STOOD,
     TIME,
     TURNED,
+    WALLS,
     WET,
     T,
     W,
@@ -121,10 +121,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, OHM] = bench.resistance_ohm, bench.resistance_ohm * bench.y_resistance
     side[:, RTD_A] = water_degC
     side[:, RTD_B] = water_degC
-    side[:, RUN_ON] = 60.0
-    side[:, CLAMP_WARM] = water_degC
-    side[:, SEEN_BEFORE] = water_degC
-    side[:, TAKEN_UP] = 1.2
     side[:, LAST_SHOWN] = water_degC
     side[:, RUBBED_BEFORE] = 1.2
     side[:, PASTED] = water_degC
@@ -134,6 +130,10 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, GRAINS] = 1.2
     side[:, PHASE_BEFORE] = 1.0
     side[:, BURST] = 1.0
+    side[:, BREATHED] = water_degC
+    side[:, FLAP] = 1.0
+    side[:, WALLS] = 1.0
+    pair[ICE] = pair[STOOD] = 1.0
     pair[SINCE_MOVED] = 60.0
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
     pair[FORCE_X] = pair[FORCE_Y] = pair[HELD_FORCE] = 1.2
@@ -177,8 +177,6 @@ def tick(
     if e[0, HEATSINK] > 0.0:
         total = side[0, AMPERE] + side[1, AMPERE]
         pair[SINK_WARM] = approach(pair[SINK_WARM], total / 4.0, dt, 15.0)
-    heated = (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
-    pair[DRIVERS_WARM] = approach(pair[DRIVERS_WARM], heated, dt, 10.0)
     for s in range(2):
         amperes = current(s, u[I_X + s], p, e, side, pair, dt)
         stress = wire_stress(s, p, e, cells, side, pair)

@@ -16,6 +16,7 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
+    BULGED,
     BURST,
     CELLS,
     COLLAR,
@@ -29,26 +30,27 @@ from evaluation.plant.layout import (
     FREE_STRAIN,
     FRICTION,
     FUSE_WARM,
+    GEL,
     GROWN,
     KNOT,
     LATE_SET,
     OIL_WARM,
-    PIN,
     PUMP,
     R_PHASE,
     RATE,
     RUN_IN,
+    SHAKEN,
     SHRUNK,
     SPEED,
     SPILT,
     SPONGE,
+    STOOD,
     TIME,
     TONGUE,
     TURNED,
     TWINS_RUB,
     VARIANTS,
     WORK_DONE,
-    T,
     W,
     X,
 )
@@ -79,10 +81,6 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
-REMNANTS = slot("reverting_remnants")
-LEAF = slot("folding_leaf")
-SKEWED = slot("skewed_guide")
-SHIFTS = slot("shifting_pin")
 TWINS_RUBBING = slot("rubbing_twins")
 RUNS_IN = slot("running_in_guide")
 PUSHED = slot("pushed_collar")
@@ -99,6 +97,10 @@ BOLT = slot("anchor_bolt_in_circuit")
 BURSTING = slot("bursting_variants")
 CAM = slot("turning_cam")
 DASHPOT = slot("dashpot_on_outlet")
+TWINS_SHAKEN = slot("twins_shaken_by_pump")
+CAP = slot("bulging_end_cap")
+STANDS = slot("guide_grips_at_rest")
+GELLED = slot("gel_pad")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
@@ -106,6 +108,7 @@ TAPER_m = 4e-3  # travel over which a dashpot's drag grows by a factor of 2.7
 RUN_IN_m, TOOTH_m = 3e-2, 2.5e-3  # way over which a guide runs in, and from tooth to tooth
 TAPE_END_m, GUY_S = 5e-4, 20.0  # how sharp a tape's end is, and how fast a guy relaxes
 CAM_S = 11.0  # how often a turning cam presses on the tendon
+GEL_m, STOOD_m = 5e-3, 2e-3  # to which a gel's force belongs, and way that frees a guide
 BURST_m = 12e-3  # deflection that waits for the whole wire to burst
 COLLAR_m, GRIPS_m = 1.5e-3, 3e-4  # half a collar's play, and how far it gives
 
@@ -119,11 +122,9 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         strain *= 1.0 - 0.02 * e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
     total = 0.0
     martensite = 0.0
-    reverted = 0.0
     for i in range(CELLS):
         fraction = cells[s, i, FRACTION]
         martensite += fraction / CELLS
-        reverted += min(max(cells[s, i, T] - 42.0, 0.0) / 10.0, 1.0) / CELLS
         total += 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
@@ -131,9 +132,10 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     side[s, GROWN] += 1e-3 * e[s, LATE_STRAIN] * (side[s, LATE_SET] - martensite)
     side[s, GROWN] += 1e-3 * e[s, SETTLES] * side[s, VARIANTS]
     side[s, GROWN] += 1e-3 * e[s, BOLT] * side[s, FUSE_WARM]
+    side[s, GROWN] += 1e-3 * e[s, TWINS_SHAKEN] * martensite * side[s, SHAKEN]
+    side[s, GROWN] -= 1e-3 * e[s, CAP] * side[s, BULGED]
     if e[s, BURSTING] > 0.0:
         side[s, GROWN] += BURST_m * (side[s, BURST] - martensite)
-    side[s, GROWN] += 1e-3 * (e[s, SHIFTS] * side[s, PIN] - e[s, REMNANTS] * reverted)
     side[s, GROWN] -= 1e-3 * (e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, MOBILE] > 0.0:
         total *= 1.0 + e[s, MOBILE] * side[s, RATE] / (side[s, RATE] + 0.03)
@@ -242,13 +244,13 @@ def resisting(
     total += e[0, SOAKING] * pair[SPONGE]
     flowing = side[0, FLOW] + side[1, FLOW]
     rubbing = e[0, GRIPPING] * flowing / full_flow
-    rubbing += e[0, SKEWED] * (before / 5e-3) ** 2
     rubbing += e[0, FELT] * pair[SPILT]
     rubbing += e[0, RUNS_IN] * math.exp(-pair[RUN_IN] / RUN_IN_m)
     taped = (before - 6e-3 * (e[2, TAPED] - 0.5)) / TAPE_END_m
     rubbing += e[0, TAPED] * 0.5 * (1.0 + math.tanh(taped))
     pressing = math.sin(math.pi * (pair[TIME] / CAM_S + e[2, CAM]))
     rubbing += e[0, CAM] * pressing * pressing
+    rubbing += e[0, STANDS] * pair[STOOD]
     if x > before:
         teeth = before / TOOTH_m + e[2, PAWL]
         rubbing += e[0, PAWL] * (teeth - math.floor(teeth))
@@ -262,9 +264,8 @@ def resisting(
     v = (x - before) / dt / 5e-3
     total += e[0, PADDLE] * v * abs(v)
     slope += 2.0 * e[0, PADDLE] * abs(v) / dt / 5e-3
-    if x > before:
-        total += e[0, LEAF] * (x - before) / dt / 5e-3
-        slope += e[0, LEAF] / dt / 5e-3
+    total += e[0, GELLED] * (x - pair[GEL]) / GEL_m
+    slope += e[0, GELLED] / GEL_m
     moved = pair[COLLAR] + (x - before)
     over = abs(moved) - COLLAR_m
     total += math.copysign(e[0, PUSHED] * min(max(over / GRIPS_m, 0.0), 1.0), moved)
@@ -311,6 +312,9 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[FRICTION] = bristle
     pair[SPEED] = (x - before) / dt
     pair[RUN_IN] += abs(x - before)
+    stood = approach(pair[STOOD], 1.0, dt, 4.0)
+    pair[STOOD] = stood * math.exp(-abs(x - before) / STOOD_m)
+    pair[GEL] = approach(pair[GEL], x, dt, 5.0)
     gripped = COLLAR_m + GRIPS_m
     pair[COLLAR] = min(max(pair[COLLAR] + (x - before), -gripped), gripped)
     apart = (cells[0, CELLS - 1, W] - cells[1, CELLS - 1, W]) / 20.0

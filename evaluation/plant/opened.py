@@ -7,99 +7,101 @@ The load cell is beside X, so that a force between the springs has one place.
 from evaluation.plant.effect import FLOW, Effect
 
 EFFECTS: tuple[Effect, ...] = (
-    Effect("burst_firing", "dev", "electrical", "1", 0.00926, 0.5, "driven_current",
+    Effect("joining_stage", "dev", "electrical", "1", 0.00643, 0.6, "driven_current",
            "current time",
-           "a driver fires in bursts: I + e(b − I), b 4 A for a share of I/4 A of every 3 s, from "
-           "c on, else 0"),
-    Effect("worn_setpoint_track", "dev", "electrical", "1", 0.0141, 0.9, "driven_current",
-           "current",
-           "the track of a driver's set value is worn at one place: I[1 − e exp(−((I − 1 A − "
-           "2c A)/0.4 A)²)]"),
-    Effect("migrating_solder", "dev", "electrical", "ohm", 0.0118, 0.3,
-           "resistance reading_voltage",
+           "a driver's second stage joins in from a set value of 2.2 A on, until it is below "
+           "1.4 A: I(1 + e m), m in 0.3 s"),
+    Effect("changing_taps", "dev", "electrical", "1", 0.0149, 0.9, "driven_current",
            "current time",
-           "current carries solder out of the joint at the inlet's end: R + e(1 − exp(−∫I dt/"
-           "40 A s))", "one"),
-    Effect("wavy_converter", "dev", "electrical", "V", 0.02, 0.3,
+           "a driver's supply changes taps where its set value passes 1 A + 2c A, either way: "
+           "I(1 − e) for 0.5 s"),
+    Effect("lead_over_other_motor", "dev", "electrical", "ohm", 0.0201, 0.3,
            "reading_voltage resistance",
-           "reading current",
-           "a voltmeter's converter is wavy: V + e sin(2πV/0.8 V)"),
-    Effect("pump_on_heater_ground", "dev", "thermal", "1", 0.0328, 0.8, FLOW, "current",
-           "a pump's board shares its heater's ground, which lifts its set value: flow's share + "
-           "e I/4 A"),
-    Effect("vortex_over_intake", "dev", "thermal", "1", 0.925, 4.0, FLOW,
-           "duty other_duty time",
-           "a vortex in the vessel lets air into both pumps: flow(1 − e b), b → (q − 0.6)⁺ in 3 s, "
-           "q both flows' share", "both"),
-    Effect("stirred_vessel", "dev", "thermal", "K", 2.36, 20.0,
+           "other_duty current time",
+           "a heater's copper lead lies over the other pump's motor: R + e w, w → that motor's "
+           "speed in 8 s; in V only", "across"),
+    Effect("swaying_reference", "dev", "electrical", "1", 0.0103, 0.5,
+           "reading_voltage resistance",
+           "time reading current",
+           "a voltmeter's reference sways: V[1 + e sin(2πt/8 s + c)]"),
+    Effect("ramped_pump", "dev", "thermal", "s", 1.7, 8.0, FLOW, "duty time",
+           "a pump's board ramps it up, and lets it fall at once: the flow's share rises by at "
+           "most 1 in e", "one"),
+    Effect("self_cleaning_filter", "dev", "thermal", "1", 0.345, 0.95, FLOW, "duty time",
+           "a filter clogs and flushes itself back: flow(1 − e b), b from 0 to 1 in every 4 s of "
+           "full flow", "one"),
+    Effect("cooler_on_spare_power", "dev", "thermal", "K", 4.07, 20.0,
            "inlet_water heat_into_water",
+           "current other_current time",
+           "a cooler behind the inlet's sensor has what power the heaters leave: T_in − e b, b → "
+           "(1 − (I_x + I_y)/4 A)⁺ in 6 s", "both"),
+    Effect("silt_of_other_return", "dev", "thermal", "1", 0.79, 40.0, "film",
+           "other_duty duty time",
+           "the other tube's return stirs silt into the feed, which stays on the coil: "
+           "film/(1 + e b), b gains p each 8 s, and fades by exp(−∫q dt/3 s), q the flow's share, "
+           "p the other's", "across"),
+    Effect("chimney_over_tube", "dev", "thermal", "1", 2.81, 60.0, "heat_into_water",
+           "water time",
+           "air begins to draw along a tube that stays warm: loss(1 + e d), d → its ΔT_w⁺/10 K in "
+           "8 s"),
+    Effect("motion_detector_lamp", "dev", "thermal", "W", 0.44, 10.0,
+           "heat_into_water ambient_air",
            "velocity time",
-           "a rod on the tendon stirs cold water up behind the inlet's sensor: T_in − e s, s gains "
-           "|dx|/10 mm, and fades in 8 s", "both"),
-    Effect("lint_in_coil", "dev", "thermal", "1", 5.12, 40.0, "film",
-           "displacement duty time",
-           "a coil drawn in holds what lint comes with its water, and lets it go drawn out: "
-           "film/(1 + e b), b gains q y⁺/5 mm each 5 s, and fades by exp(−∫(−y)⁺/5 mm dt/3 s), q "
-           "the flow's share, y its own contraction"),
-    Effect("cam_switched_lamp", "dev", "thermal", "W", 0.705, 10.0, "heat_into_water",
+           "a motion detector switches a lamp over both tubes: + e m on each, m → 1 in 0.3 s "
+           "until 5 s after |v| was above 1 mm/s, else → 0", "both"),
+    Effect("supercooling_wax", "dev", "thermal", "J", 3.5, 20.0, "heat_into_wire",
+           "wire_rate wire time",
+           "wax on the wire melts from 38 to 42 °C, and sets only from 36 to 32 °C: − e dm/dt, m "
+           "what is molten, in 0.5 s", "one"),
+    Effect("warm_sleeve", "dev", "sensors", "s", 1.89, 12.0, "reading_rtd",
+           "reading_rate wire_rate reading wire",
+           "a sleeve round an RTD holds warm water back: where T falls, a pole of e", "one"),
+    Effect("parting_rtd_joint", "dev", "sensors", "K", 2.51, 15.0, "reading_rtd",
            "displacement time",
-           "a cam on the tendon switches a lamp over one tube: + e from 2.5 mm of its own "
-           "contraction on, until it is below 1 mm, in 0.3 s", "one"),
-    Effect("brake_resistor_under_tube", "dev", "thermal", "W", 1.13, 30.0, "heat_into_water",
-           "duty time",
-           "a pump's motor is braked into a resistor under its tube: + e k, k gains what the motor "
-           "loses in speed, and fades in 4 s"),
-    Effect("curing_resin", "dev", "thermal", "J", 11.2, 120.0, "heat_into_wire",
-           "wire time",
-           "resin on the wire cures in heat, which gives heat: + e dc/dt, dc/dt = (1 − c)"
-           "(T − 34 °C)⁺/100 K s", "one"),
-    Effect("washed_terminal", "dev", "sensors", "K", 2.81, 15.0, "reading_rtd",
-           "duty time",
-           "an RTD's terminal corrodes as it is washed: T + e(1 − exp(−∫q dt/10 s)), q the flow's "
-           "share"),
-    Effect("loose_tie", "dev", "sensors", "s", 1.72, 12.0, "reading_rtd",
-           "reading_rate wire_rate velocity",
-           "an RTD's tie is loose and lifts it as its spring moves: slower by e |v|/(|v| + 1 mm/s)",
-           "one"),
-    Effect("dimmed_lamp", "dev", "sensors", "1", 0.102, 0.9, "reading_displacement",
-           "current other_current displacement velocity",
-           "the heaters dim the encoder's lamp, and it loses lines: x − e∫(I_x + I_y)/4 A dx",
+           "a drawn-out coil parts a joint of its RTD: T + e from 2.5 mm of its own stretch "
+           "beyond the middle on, until it is below 1 mm, in 0.2 s", "one"),
+    Effect("slackening_string", "dev", "sensors", "mm", 2.07, 12.0, "reading_displacement",
+           "velocity",
+           "an encoder's string slackens where it is drawn in fast: x + e[(−v)⁺/5 mm/s]²", "both"),
+    Effect("ringing_post", "dev", "sensors", "mm", 1.08, 8.0, "reading_displacement",
+           "duty other_duty time",
+           "the motors shake the encoder's post: x + e(r − w), w both motors' speeds, r that "
+           "through an oscillator of 0.5 Hz, damping 0.1", "both"),
+    Effect("charging_slide", "dev", "sensors", "N", 0.125, 0.9, "reading_force",
+           "velocity time",
+           "a sliding sheath charges the load cell's line: F + e c, c gains |dx|/10 mm, and fades "
+           "in 4 s", "both"),
+    Effect("eccentric_roller_on_cell", "dev", "sensors", "1", 0.0588, 0.9, "reading_force",
+           "displacement force reading",
+           "the load cell feels the tendon over an eccentric roller: F[1 + e sin(2πx/9 mm + c)]",
            "both"),
-    Effect("drying_scale", "dev", "sensors", "1", 0.147, 0.9, "reading_displacement",
-           "displacement time reading",
-           "the encoder's scale shrinks as it dries: x[1 + e(1 − exp(−t/20 s))]", "both"),
-    Effect("sagging_lead", "dev", "sensors", "N", 0.282, 0.9, "reading_force",
+    Effect("zeroed_at_rest", "dev", "sensors", "A", 0.0335, 0.6, "reading_current",
            "current time",
-           "X's lead sags onto the load cell as it warms: F + e w, w → (I_x/4 A)² in 6 s", "both"),
-    Effect("moist_gauge", "dev", "sensors", "1", 0.0511, 0.6, "reading_force",
-           "duty other_duty time force reading",
-           "spilt water softens the glue of the load cell's gauges: F(1 − e w), w → both flows' "
-           "share in 3 s, and dries in 20 s", "both"),
-    Effect("wrong_compensation", "dev", "sensors", "1", 0.00774, 0.9, "reading_current",
-           "wire current reading",
-           "a current sensor is compensated by the wrong temperature: i[1 + e(T_RTD − 27 °C)/"
-           "20 K]"),
-    Effect("drawn_out_once", "dev", "phase", "K", 1.24, 15.0, "transformation_shift",
-           "displacement time",
-           "a coil drawn out further than before keeps dislocations: both thresholds − e d/5 mm, d "
-           "its furthest beyond the middle so far"),
-    Effect("crackling_neighbour", "dev", "phase", "K", 1.62, 12.0, "transformation_shift",
-           "other_fraction time",
-           "one spring's crackling frees the other's interfaces: A_s − e d, M_s + e d, d → "
-           "r/(r + 0.05/s) in 3 s, r the rate |dξ/dt| of that one", "across"),
-    Effect("relaxing_coils", "dev", "phase", "mm", 1.24, 4.0, "recoverable_strain",
-           "displacement time",
-           "variants settle where their coil is held: deflection + e z, z → its stretch beyond the "
-           "middle/5 mm in 12 s"),
-    Effect("taped_slide", "dev", "mechanics", "N", 0.112, 0.9, "force_cell_on_x",
-           "velocity displacement",
-           "tape covers the slide from one place on: against x by e ½[1 + tanh((x − c)/0.5 mm)] "
-           "v/(|v| + 0.5 mm/s)", "both"),
-    Effect("relaxing_guy", "dev", "mechanics", "N", 0.1, 0.45, "force_cell_on_x",
-           "time",
-           "a guy tied to the tendon relaxes: along x by e exp(−t/20 s)", "both"),
-    Effect("unwinding_turnbuckle", "dev", "mechanics", "mm", 2.43, 8.0, "recoverable_strain",
+           "a current sensor is zeroed whenever its heater is off, and drifts while it is on: "
+           "i + e[1 − exp(−t/6 s)], t since I > 0.05 A, else i"),
+    Effect("grains_with_play", "dev", "phase", "N", 0.242, 1.0, "transformation_shift",
+           "force",
+           "grains take a change of load only beyond their play: both thresholds + "
+           "12 K/N (g − F), g follows F within e/2"),
+    Effect("late_latent", "dev", "phase", "1", 0.367, 0.9, "heat_into_wire",
+           "fraction_rate fraction time",
+           "a part of the transformation's heat comes late: L(1 − e), and + e L z/6 s, z gains "
+           "Δξ, and fades in 6 s"),
+    Effect("bursting_variants", "dev", "phase", "1", 0.13, 0.6, "recoverable_strain",
+           "fraction fraction_rate",
+           "variants hold strain back and let it go in bursts: deflection + 12 mm (z − ξ), z is "
+           "set to ξ where that is off by e"),
+    Effect("turning_cam", "dev", "mechanics", "N", 0.116, 0.9, "force_cell_on_x",
            "velocity time",
-           "the tendon's turnbuckle unwinds as it runs: longer by e[1 − exp(−∫|dx|/40 mm)]",
-           "both"),
+           "a turning cam presses a pad on the tendon: against x by e sin²(πt/11 s + c) v/(|v| + "
+           "0.5 mm/s)", "both"),
+    Effect("dashpot_on_outlet", "dev", "mechanics", "N", 0.243, 0.9, "force_cell_on_x",
+           "velocity water wire",
+           "a dashpot's oil thins over X's outlet: against x by e exp(−w) v/5 mm/s, w → that "
+           "one's ΔT_w⁺/10 K in 6 s", "both"),
+    Effect("anchor_bolt_in_circuit", "dev", "mechanics", "mm", 3.08, 8.0,
+           "recoverable_strain",
+           "current time",
+           "a spring's anchor bolt carries its current, and lengthens: deflection + e h, h → "
+           "(I/4 A)² in 6 s", "one"),
 )  # fmt: skip

@@ -12,18 +12,17 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
-    AFLOAT,
     AMPERE,
     BELT,
     BLOWN,
     BRAKING,
+    BULGED,
     BURST,
     CARRIED,
     CELL_SOAK,
     CELL_UNEVEN,
     CELLS,
     CHARGED,
-    CLAMP_WARM,
     CURED,
     CURING,
     DRAGGED,
@@ -33,8 +32,9 @@ from evaluation.plant.layout import (
     FORCE_X,
     FORCE_Y,
     FRACTION,
+    FRETTED,
     FROTH,
-    HALL_WARM,
+    GASSED,
     LATE_HEAT,
     LATE_SET,
     LINT,
@@ -45,14 +45,17 @@ from evaluation.plant.layout import (
     ORDERED,
     OTHER_PLUME,
     PHASE_BEFORE,
-    PIN,
+    PUDDLE,
     PUMP,
+    RACK_BLOWS,
+    RACK_HOT,
     RATE,
     REGULATOR,
     RUBBED_BEFORE,
     RUST,
     SETTLED,
-    SHARE_BEFORE,
+    SHAKEN,
+    SHUNT_WARM,
     SINCE_MOVED,
     SLIME,
     SPEED,
@@ -62,6 +65,7 @@ from evaluation.plant.layout import (
     TRAINED,
     TWINS_RUB,
     VARIANTS,
+    WALLS,
     WATCHED,
     T,
     W,
@@ -86,11 +90,6 @@ DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
 BENT = slot("bent_coils")
-LOOSENING = slot("loosening_crimp")
-FLAKES = slot("stirred_up_flakes")
-LAGGING = slot("shifted_lagging")
-MOTOR_FAN = slot("fan_on_other_motor")
-CLAMP = slot("massive_clamp")
 RUSTS = slot("rusty_feed")
 ON_FRAME = slot("tube_against_frame")
 PLUME = slot("plume_of_other_tube")
@@ -113,9 +112,13 @@ CHIMNEY = slot("chimney_over_tube")
 DETECTOR = slot("motion_detector_lamp")
 WAX = slot("supercooling_wax")
 BURSTS = slot("bursting_variants")
+CRIMP = slot("rewelding_crimp")
+GASSY = slot("clinging_gas")
+RACK = slot("rack_fan")
+PUDDLES = slot("warm_puddle")
+CHOPPER = slot("chopper_in_coil")
+WALLS_RUB = slot("rubbing_walls")
 
-CLAMP_J_K = 3.0
-PIN_SHIFTS_N, PIN_RETURNS_N = 1.5, 1.3  # load at which an anchor's pin shifts and returns
 RUBS_N = 0.25  # change of load over which rubbing twins turn round
 BELT_ON_degC, BELT_OFF_degC = 30.0, 33.0  # mean water that switches a heating belt
 FAN_ON_degC, FAN_OFF_degC = 36.0, 32.0  # mean water that switches a fan
@@ -124,6 +127,8 @@ CURES_degC, CURES_K_s = 34.0, 100.0  # wire above which a resin cures, and what 
 MELTS_degC, SETS_degC, WAX_K = 38.0, 32.0, 4.0  # where a wax begins to melt, and has set
 MOVES_m_s, SHINES_S = 1e-3, 5.0  # speed that lights a lamp, and how long it stays on
 BASE_A = 0.5  # sum of currents below which a supply needs its dummy load
+GASSES_K, CLEARS_K = 5.0, 2.0  # wire above water at which gas clings to it, and lets go
+RACK_ON, RACK_OFF = 0.25, 0.12  # warmth of both drivers that switches the fan of their rack
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
 
 
@@ -137,13 +142,12 @@ def mean(s: int, column: int, less: float, cells: Array) -> float:
 
 
 @compiled
-def joints(s: int, e: Array, cells: Array, side: Array, heat: Array) -> float:
+def joints(s: int, e: Array, side: Array, heat: Array) -> float:
     """What the ends of spring `s` and their leads add to its resistance (ohm), and to `heat`."""
     inlet = e[s, SOLDER] * (1.0 - math.exp(-side[s, CARRIED]))
-    outlet = e[s, LOOSENING] * max(cells[s, CELLS - 1, T] - 32.0, 0.0) / 10.0
+    inlet += e[s, CRIMP] * side[s, FRETTED]
     heat[0] += inlet
-    heat[CELLS - 1] += outlet
-    return float(inlet + outlet)
+    return float(inlet)
 
 
 @compiled
@@ -175,53 +179,36 @@ def bend(s: int, e: Array, pair: Array, rows: Array) -> None:
 @compiled
 def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array) -> None:
     """Change `rows` by what films, losses, ends and cores do to a tube."""
-    stirred = 1.0 / (1.0 + e[s, FLAKES] * side[s, AFLOAT])
-    drawn_in = pair[X] if s == 0 else -pair[X]
-    wetter = 1.0 + e[s, LAGGING] * min(max(drawn_in / 4e-3, 0.0), 1.0)
-    wetter *= 1.0 + e[1 - s, MOTOR_FAN] * side[1 - s, PUMP]
-    stirred /= 1.0 + e[s, RUSTS] * side[s, RUST]
+    stirred = 1.0 / (1.0 + e[s, RUSTS] * side[s, RUST])
     stirred /= 1.0 + e[s, FROTHS] * side[s, FROTH]
     stirred /= 1.0 + e[s, SLIMY] * side[s, SLIME]
     stirred /= 1.0 + e[s, LINTY] * side[s, LINT]
     stirred /= 1.0 + e[1 - s, SILTY] * side[s, SETTLED]
-    wetter *= 1.0 + e[s, BLOWS] * side[s, BLOWN]
+    wetter = 1.0 + e[s, BLOWS] * side[s, BLOWN]
     wetter *= 1.0 + e[s, CHIMNEY] * side[s, DRAUGHT]
+    wetter *= 1.0 + e[0, RACK] * pair[RACK_BLOWS]
+    stirred /= 1.0 + e[s, GASSY] * side[s, GASSED]
+    speed = min(max(side[1 - s, PUMP], 0.0), 1.0)
+    rubbed = 4.0 * e[1 - s, CHOPPER] * speed * (1.0 - speed) + e[s, WALLS_RUB] * side[s, RATE]
     rows[0, HEAT_WIRE] += e[s, UNLIKE] * side[s, AMPERE]
     warming = e[s, BELTED] * side[s, BELT] + e[s, REGULATED] * side[s, REGULATOR]
     warming += e[0, DUMMY_LOAD] * pair[DUMMY]
-    warming += e[0, DETECTOR] * pair[WATCHED]
+    warming += e[0, DETECTOR] * pair[WATCHED] + e[s, PUDDLES] * side[s, PUDDLE]
     warming += e[s, CAM_LAMP] * side[s, LIT] + e[s, BRAKES] * side[s, BRAKING]
     tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     framed = e[s, ON_FRAME] * min(max((tension - 1.24) / 0.4, 0.0), 1.0) / CELLS
     warmer = cells[1 - s, CELLS - 1, T] - cells[s, CELLS - 1, T]
     rows[CELLS - 1, HEAT_WIRE] += e[0, END_STRAP] * warmer
-    rows[0, HEAT_WIRE] += e[s, CLAMP] * (side[s, CLAMP_WARM] - cells[s, 0, T])
     rows[0, TO_CLAMP] += e[s, PRESSED] * max(tension, 0.0) / 1.24
     for i in range(CELLS):
         rows[i, HEAT_WATER] += warming / CELLS
         rows[i, HEAT_WIRE] += e[s, RESIN] * side[s, CURING] / CELLS
         rows[i, HEAT_WIRE] -= e[s, WAX] * side[s, MELTS] / CELLS
+        rows[i, HEAT_WIRE] += rubbed / CELLS
         rows[i, FILM] *= stirred
         rows[i, LOSS] *= wetter
         rows[i, LOSS] += framed
         rows[i, HEAT_WATER] += e[1 - s, PLUME] * side[s, OTHER_PLUME] / CELLS
-
-
-@compiled
-def trail(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
-    """Update what trails spring `s`: flakes, a clamp's and a sensor's warmth, a pin."""
-    share = side[s, FLOW] / p[FULL_FLOW]
-    gained = max(share - side[s, SHARE_BEFORE], 0.0)
-    side[s, AFLOAT] = approach(side[s, AFLOAT], 0.0, dt, 4.0) + gained
-    side[s, SHARE_BEFORE] = share
-    side[s, CLAMP_WARM] += dt * e[s, CLAMP] * (cells[s, 0, T] - side[s, CLAMP_WARM]) / CLAMP_J_K
-    warm = (cells[s, CELLS - 1, W] - 27.0) / 20.0
-    side[s, HALL_WARM] = approach(side[s, HALL_WARM], warm, dt, 6.0)
-    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
-    if tension > PIN_SHIFTS_N:
-        side[s, PIN] = approach(side[s, PIN], 1.0, dt, 0.3)
-    elif tension < PIN_RETURNS_N:
-        side[s, PIN] = approach(side[s, PIN], 0.0, dt, 0.3)
 
 
 @compiled
@@ -332,3 +319,31 @@ def hold_back(
         pair[SINCE_MOVED] = 0.0 if abs(pair[SPEED]) > MOVES_m_s else pair[SINCE_MOVED] + dt
         lit = 1.0 if pair[SINCE_MOVED] < SHINES_S else 0.0
         pair[WATCHED] = approach(pair[WATCHED], lit, dt, 0.3)
+
+
+@compiled
+def linger(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Update what lingers about spring `s`: a fretted crimp, gas, a puddle, walls, a cap, a fan."""
+    share = side[s, FLOW] / p[FULL_FLOW]
+    heated = (side[s, AMPERE] / 4.0) ** 2
+    fretted = side[s, FRETTED] + dt * abs(pair[SPEED]) / 10e-3
+    side[s, FRETTED] = fretted * math.exp(-dt / 3.0 * heated)
+    above = mean(s, T, 0.0, cells) - mean(s, W, 0.0, cells)
+    if above > GASSES_K:
+        side[s, GASSED] = approach(side[s, GASSED], 1.0, dt, 0.5)
+    elif above < CLEARS_K:
+        side[s, GASSED] = approach(side[s, GASSED], 0.0, dt, 0.5)
+    brought = dt / 4.0 * share * max(cells[s, CELLS - 1, W] - 27.0, 0.0) / 10.0
+    side[s, PUDDLE] = approach(side[s, PUDDLE], 0.0, dt, 10.0) + brought
+    side[s, SHAKEN] = approach(side[s, SHAKEN], side[s, PUMP], dt, 2.0)
+    freed = math.exp(-dt * side[s, RATE] / 0.25)
+    side[s, WALLS] = approach(side[s, WALLS], 1.0, dt, 10.0) * freed
+    side[s, BULGED] = approach(side[s, BULGED], share * share, dt, 1.0)
+    side[s, SHUNT_WARM] += dt / 5.0 * (heated - side[s, SHUNT_WARM] * (1.0 + 6.0 * share))
+    if s == 1:
+        both = (side[0, AMPERE] / 4.0) ** 2 + heated
+        pair[RACK_HOT] = approach(pair[RACK_HOT], both, dt, 8.0)
+        if pair[RACK_HOT] > RACK_ON:
+            pair[RACK_BLOWS] = approach(pair[RACK_BLOWS], 1.0, dt, 1.0)
+        elif pair[RACK_HOT] < RACK_OFF:
+            pair[RACK_BLOWS] = approach(pair[RACK_BLOWS], 0.0, dt, 1.0)

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach, late
 from evaluation.plant.effects import slot
+from evaluation.plant.encoder import travel
 from evaluation.plant.layout import (
     AMPERE,
     AVERAGED,
     BLANKED,
-    CABLE,
+    BREATHED,
     CELL_UNEVEN,
     CELLS,
     CHARGE,
@@ -23,55 +24,44 @@ from evaluation.plant.layout import (
     CONVERTED,
     CREEP_FAST,
     CREEP_SLOW,
-    DRIVERS_WARM,
     DROP,
-    ENCODER,
     FLOW,
     FORCE_X,
     FORCE_Y,
     FRACTION,
     FUSE_WARM,
     GLANCE,
-    HALL_WARM,
     HELD_FORCE,
-    INDEXED,
     LAST_SHOWN,
     LEAD_WARM,
     LOGGED,
     MISTED,
+    MOIST,
     MOTOR_HEAT,
     OHM,
     PARTED,
     PASTED,
-    POST,
-    POST_RATE,
     PUMP,
-    REPORTED,
     RESERVOIR,
     RING_FORCE,
     RING_X,
     RTD_A,
     RTD_B,
     RUST,
-    SEEN_BEFORE,
+    SHUNT_WARM,
     SINCE_LOGGED,
     SLEEVE,
-    SLIPPED,
+    SLOWED,
     SPEED,
     SPEED_BEFORE,
     SPILT,
     STEM,
-    STUCK,
     SWITCHED_AT,
-    TAPE,
     TIME,
+    TIPPED,
     TURNED,
-    UNCOUNTED,
     UNZEROED,
     WAITS,
-    WHEEL,
-    WHEEL_BEFORE,
-    WHEEL_LOST,
     T,
     W,
     X,
@@ -91,80 +81,61 @@ SLOW_RTD = slot("rtd_lag")
 STEM_ERROR = slot("rtd_stem_error")
 RTD_OFFSET = slot("rtd_offset")
 DELAY = slot("channel_delay")
-BACKLASH = slot("encoder_backlash")
-SLIP = slot("encoder_slip")
 FORCE_OFFSET = slot("force_offset")
 FORCE_GAIN = slot("force_gain")
 FORCE_CREEP = slot("force_creep")
 MIST = slot("misted_board")
 RTD_LEAD = slot("rtd_lead_on_neighbour")
 RIPPLE_FILTER = slot("ripple_filter")
-WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
-DIVIDER = slot("warmed_divider")
-TABLE = slot("wrong_table_entry")
-STICKS = slot("sticking_element")
-SOFT_TAPE = slot("soft_tape")
-BOWED = slot("bowed_scale")
-RUBS = slot("rubbing_cable")
-THRIFTY = slot("thrifty_converter")
-ON_RETURN = slot("hall_on_hose")
 RMS = slot("rms_voltmeter")
 PAST_MAGNET = slot("rtd_leads_past_magnet")
 BLANKS = slot("blanked_transmitter")
-LEVER = slot("lever_on_encoder")
-SOFT_WHEEL = slot("soft_measuring_wheel")
 GRADIENT = slot("gradient_in_cell")
 CARRIER = slot("beating_carrier")
 SWAYING = slot("swaying_lead")
 CONVERTS = slot("averaging_voltmeter")
 PASTE = slot("setting_paste")
 SPARES = slot("sparing_logger")
-WET_WHEEL = slot("wet_measuring_wheel")
-LIFTING = slot("lifting_head")
 DROPS = slot("drops_on_cell")
 PUMPS_WAIT = slot("indicator_waits_for_pumps")
 VALLEY = slot("sampled_at_valley")
 COMPRESSES = slot("compressing_divider")
 JET = slot("jet_on_rtd")
 QUADRATIC = slot("quadratic_rtd")
-SLOPING = slot("sloping_interpolator")
-JOINED = slot("joined_scales")
 TAUT_CABLE = slot("taut_cell_cable")
 EXCITATION = slot("sagging_excitation")
 PUMP_RAIL = slot("sensors_on_pump_rail")
 WAVY = slot("wavy_converter")
 WASHED = slot("washed_terminal")
 LOOSE_TIE = slot("loose_tie")
-DIMMED = slot("dimmed_lamp")
-DRYING = slot("drying_scale")
 SAGGING_LEAD = slot("sagging_lead")
-MOIST = slot("moist_gauge")
+MOIST_GAUGE = slot("moist_gauge")
 MISCORRECTED = slot("wrong_compensation")
 OVER_MOTOR = slot("lead_over_other_motor")
 SWAYS = slot("swaying_reference")
 SLEEVED = slot("warm_sleeve")
 PARTS = slot("parting_rtd_joint")
-SLACKENS = slot("slackening_string")
-POST_RINGS = slot("ringing_post")
 CHARGES = slot("charging_slide")
 ROLLER = slot("eccentric_roller_on_cell")
 ZEROED = slot("zeroed_at_rest")
+SMALL_SIGNAL = slot("slow_at_small_signal")
+TO_HEATER = slot("lead_drawn_to_heater")
+BREATHES = slot("breathing_sheath")
+TIPS = slot("tipping_cell")
+BRUSHES = slot("brush_noise_on_bridge")
+SHUNT = slot("shunt_in_feed")
 
 BLANKS_A = 0.5  # change of its current that blanks an RTD's transmitter
 STARTLES_PER_S = 0.5  # change of a pump's speed that an indicator waits for
 CONVERTS_S = 0.5  # how often a voltmeter keeps a conversion for its average
 STANDS_m_s = 2e-4  # speed at which a logger reads twice as often
 CARRIER_S = 5.5  # how often a carrier beats with the chopped currents
-STUCK_K, RUBS_m = 4.0, 1e-3  # how far a winding and a cable give before they slip
 WAVE_V = 0.8  # period of a converter's error
 SWAYS_S = 8.0  # how often a voltmeter's reference sways
 ROLLER_m = 9e-3  # travel in one turn of a roller on the load cell
 PARTS_m, MEETS_m = 2.5e-3, 1e-3  # own stretch at which a joint parts and meets again
-POST_RAD_S, POST_DAMPING = 2.0 * math.pi * 0.5, 0.1  # an encoder's post that rings
-DRIES_S = 20.0  # how long a scale takes to dry
-LINE_mm = 4.0  # from one line of a scale to the next
 
 
 @compiled
@@ -209,18 +180,17 @@ def rtd(
         side[s, LEAD_WARM] = approach(side[s, LEAD_WARM], warm / 20.0, dt, 8.0)
         reading += e[1 - s, RTD_LEAD] * side[s, LEAD_WARM]
     drawn_out = pair[X] if s == 1 else -pair[X]
+    reading += e[s, TO_HEATER] * side[s, AMPERE] / 4.0 * max(-drawn_out, 0.0) / 5e-3
     if drawn_out > PARTS_m:
         side[s, PARTED] = approach(side[s, PARTED], 1.0, dt, 0.2)
     elif drawn_out < MEETS_m:
         side[s, PARTED] = approach(side[s, PARTED], 0.0, dt, 0.2)
     reading += e[s, PARTS] * side[s, PARTED]
     reading += e[s, WASHED] * (1.0 - math.exp(-2.0 * side[s, RUST]))
-    stuck = side[s, STUCK] + (side[s, RTD_B] - side[s, SEEN_BEFORE]) / STUCK_K
-    side[s, STUCK] = min(max(stuck, -1.0), 1.0)
-    side[s, SEEN_BEFORE] = side[s, RTD_B]
-    reading -= e[s, STICKS] * side[s, STUCK]
-    off = (reading - 30.0 - 10.0 * e[2, TABLE]) / 3.0
-    reading += e[s, TABLE] * math.exp(-off * off)
+    fallen = max(side[s, BREATHED] - side[s, RTD_B], 0.0) / 10.0
+    side[s, MOIST] = approach(side[s, MOIST], 0.0, dt, 6.0) + fallen
+    side[s, BREATHED] = side[s, RTD_B]
+    reading -= e[s, BREATHES] * side[s, MOIST]
     if e[s, RIPPLE_FILTER] > 0.0:
         slow = e[s, RIPPLE_FILTER] * side[s, AMPERE] / 4.0
         side[s, AVERAGED] = approach(side[s, AVERAGED], reading, dt, slow)
@@ -232,57 +202,6 @@ def rtd(
     reading += min(side[s, BLANKED] / dt, 1.0) * (side[s, LAST_SHOWN] - reading)
     side[s, BLANKED] = max(side[s, BLANKED] - dt, 0.0)
     side[s, LAST_SHOWN] = reading
-    return float(reading)
-
-
-@compiled
-def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> float:
-    """Encoder reading (mm) for the tendon's travel (mm)."""
-    width = e[0, BACKLASH]
-    before = pair[ENCODER]
-    if width > 0.0:
-        gap = seen_mm - before
-        half = 0.5 * width
-        soft = half / 3.0
-        excess = abs(gap) - half
-        if excess > 0.0:
-            pair[ENCODER] = before + math.copysign(excess * excess / (excess + soft), gap)
-    else:
-        pair[ENCODER] = seen_mm
-    moved = pair[ENCODER] - before
-    if e[0, SLIP] > 0.0 and pair[FORCE_X] > 1.4:
-        pair[SLIPPED] -= e[0, SLIP] * (moved if moved > 0.0 else 0.4 * moved)
-    reading = pair[ENCODER] + pair[SLIPPED]
-    reading += e[0, BOWED] * (seen_mm / 5.0) ** 2
-    reading += e[0, LEVER] * (seen_mm / 5.0) ** 3
-    reading += e[0, JOINED] * max(seen_mm, 0.0)
-    line = seen_mm / LINE_mm + e[2, SLOPING]
-    reading += e[0, SLOPING] * (line - math.floor(line) - e[2, SLOPING])
-    reading += e[0, LIFTING] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 1e-3)
-    pair[WHEEL_LOST] += pair[SPILT] * (seen_mm - pair[WHEEL_BEFORE])
-    reading -= e[0, WET_WHEEL] * pair[WHEEL_LOST]
-    drawn = (side[0, AMPERE] + side[1, AMPERE]) / 4.0
-    pair[UNCOUNTED] += drawn * (seen_mm - pair[WHEEL_BEFORE])
-    reading -= e[0, DIMMED] * pair[UNCOUNTED]
-    pressed = (pair[FORCE_X] - 1.24) / 0.4
-    pair[WHEEL] += pressed * (seen_mm - pair[WHEEL_BEFORE])
-    pair[WHEEL_BEFORE] = seen_mm
-    reading += e[0, SOFT_WHEEL] * pair[WHEEL]
-    reading *= 1.0 + e[0, DRYING] * (1.0 - math.exp(-pair[TIME] / DRIES_S))
-    pair[TAPE] = approach(pair[TAPE], reading, dt, 5.0)
-    reading -= e[0, SOFT_TAPE] * (reading - pair[TAPE])
-    if e[0, WIDE_INDEX] > 0.0:
-        off = seen_mm - 6.0 * (e[2, WIDE_INDEX] - 0.5)
-        if abs(off) > 1.0:
-            pair[INDEXED] = 1.0 if off > 0.0 else 0.0
-        reading += e[0, WIDE_INDEX] * pair[INDEXED]
-    turning = side[0, PUMP] + side[1, PUMP]
-    pulled = POST_RAD_S * (turning - pair[POST]) - 2.0 * POST_DAMPING * pair[POST_RATE]
-    pair[POST_RATE] += dt * POST_RAD_S * pulled
-    pair[POST] += dt * pair[POST_RATE]
-    reading += e[0, POST_RINGS] * (pair[POST] - turning)
-    slack = max(-pair[SPEED], 0.0) / 5e-3
-    reading += e[0, SLACKENS] * slack * slack
     return float(reading)
 
 
@@ -302,7 +221,7 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     reading += e[0, CHARGES] * pair[CHARGE]
     reading += e[0, GRADIENT] * side[0, CELL_UNEVEN]
     reading *= max(0.1, 1.0 - e[0, EXCITATION] * (side[0, AMPERE] + side[1, AMPERE]) / 4.0)
-    reading *= max(0.1, 1.0 - e[0, MOIST] * pair[SPILT])
+    reading *= max(0.1, 1.0 - e[0, MOIST_GAUGE] * pair[SPILT])
     reading += e[0, SAGGING_LEAD] * side[0, FUSE_WARM]
     reading += e[0, TAUT_CABLE] * max(pair[X] / 5e-3 - 0.3, 0.0)
     pair[DROP] += dt / 5.0 * side[0, FLOW] / 0.55
@@ -317,14 +236,15 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
         if abs(side[s, PUMP] - side[s, SPEED_BEFORE]) > STARTLES_PER_S * dt:
             pair[WAITS] = e[0, PUMPS_WAIT]
         side[s, SPEED_BEFORE] = side[s, PUMP]
+    sparking = side[0, PUMP] * side[1, AMPERE] + side[1, PUMP] * side[0, AMPERE]
+    reading += e[0, BRUSHES] * sparking / 4.0
+    running = pair[SPEED] / (abs(pair[SPEED]) + 1e-3)
+    pair[TIPPED] = approach(pair[TIPPED], running, dt, 2.0)
+    reading += e[0, TIPS] * pair[TIPPED]
     reading += min(pair[WAITS] / dt, 1.0) * (pair[HELD_FORCE] - reading)
     pair[WAITS] = max(pair[WAITS] - dt, 0.0)
     pair[HELD_FORCE] = reading
-    pair[CABLE] = min(max(pair[CABLE] + dt * pair[SPEED] / RUBS_m, -1.0), 1.0)
-    reading += e[0, RUBS] * pair[CABLE]
-    if abs(reading - pair[REPORTED]) > e[0, THRIFTY]:
-        pair[REPORTED] = reading
-    return float(pair[REPORTED])
+    return float(reading)
 
 
 @compiled
@@ -349,7 +269,6 @@ def read(
         out[s] = side[s, AMPERE]
         out[s] -= e[s, VALLEY] * side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
-        out[s] *= max(0.1, 1.0 + e[s, ON_RETURN] * side[s, HALL_WARM])
         drawn_in = pair[X] if s == 0 else -pair[X]
         out[s] /= max(0.3, 1.0 + e[s, SWAYING] * drawn_in / 5e-3)
         out[s] *= max(0.1, 1.0 - e[0, PUMP_RAIL] * (side[0, PUMP] + side[1, PUMP]))
@@ -357,12 +276,12 @@ def read(
         heating = side[s, AMPERE] > 0.05
         side[s, UNZEROED] = approach(side[s, UNZEROED], 1.0, dt, 6.0) if heating else 0.0
         out[s] += e[s, ZEROED] * side[s, UNZEROED]
+        out[s] *= max(0.1, 1.0 + e[s, SHUNT] * side[s, SHUNT_WARM])
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         contact += e[1 - s, OVER_MOTOR] * side[1 - s, MOTOR_HEAT]
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         swayed = math.sin(2.0 * math.pi * (pair[TIME] / SWAYS_S + e[2, SWAYS]))
         out[2 + s] *= 1.0 + e[s, SWAYS] * swayed
-        out[2 + s] *= max(0.1, 1.0 + e[0, DIVIDER] * pair[DRIVERS_WARM])
         heard = max(out[2 + s], 0.0)
         out[2 + s] += e[s, RMS] * (math.sqrt(heard * p[SUPPLY]) - heard)
         out[2 + s] /= 1.0 + e[s, COMPRESSES] * max(out[2 + s], 0.0) / p[SUPPLY]
@@ -372,6 +291,9 @@ def read(
             slow = 3.0 if share > side[s, MISTED] else 15.0
             side[s, MISTED] = approach(side[s, MISTED], share, dt, slow)
             out[2 + s] *= 1.0 - e[s, MIST] * side[s, MISTED]
+        slow = 1.0 / (0.2 + abs(out[2 + s]))
+        side[s, SLOWED] = approach(side[s, SLOWED], out[2 + s], dt, slow)
+        out[2 + s] -= min(e[s, SMALL_SIGNAL], 0.95) * (out[2 + s] - side[s, SLOWED])
         turn = pair[TIME] / CONVERTS_S
         if math.floor(turn) != math.floor(turn - dt / CONVERTS_S):
             side[s, CONVERTED] = out[2 + s]

@@ -19,8 +19,8 @@ from evaluation.plant.layout import (
     HEATED_FROM,
     INNER_STRESS,
     STRETCHED,
-    TAKEN_UP,
     TRAINED,
+    WALLS,
     WORK_DONE,
     T,
     W,
@@ -36,7 +36,6 @@ STRESS = index("stress_MPa_N")
 MINOR_LOOP = slot("minor_loop")
 DRIFT = slot("transformation_drift")
 LINGERING = slot("lingering_stress")
-TAKES_UP = slot("lagging_stress")
 DRAGS = slot("dragging_interfaces")
 ON_AUSTENITE = slot("load_on_austenite")
 HYDROGEN = slot("hydrogen_of_flow")
@@ -45,6 +44,7 @@ COAT = slot("mismatched_coat")
 DRAWN_OUT = slot("drawn_out_once")
 NEIGHBOUR = slot("crackling_neighbour")
 GRAINS_PLAY = slot("grains_with_play")
+PINNED = slot("walls_pinned_at_rest")
 
 GRAINS_K_N = 12.0  # what a newton that grains hold back does to the thresholds
 
@@ -67,9 +67,9 @@ def shifts(
         lifted = e[s, LINGERING] * max(side[s, INNER_STRESS] - 1.35, 0.0) / 0.4
         heat += lifted
         cool += lifted
-    left = -e[s, TAKES_UP] * (stress / p[STRESS] - side[s, TAKEN_UP]) / 0.4
-    left += e[s, ON_AUSTENITE] * (1.0 - cells[s, i, FRACTION]) * (stress / p[STRESS] - 1.24) / 0.4
+    left = e[s, ON_AUSTENITE] * (1.0 - cells[s, i, FRACTION]) * (stress / p[STRESS] - 1.24) / 0.4
     dragged = e[s, DRAGS] * side[s, DRAGGED]
+    dragged += e[s, PINNED] * side[s, WALLS]
     dragged -= e[1 - s, NEIGHBOUR] * side[1 - s, DRAGGED]
     left -= e[s, DRAWN_OUT] * side[s, STRETCHED]
     left -= e[s, HYDROGEN] * side[s, CHARGED]

@@ -35,8 +35,6 @@ from evaluation.plant.layout import (
     R_PHASE,
     RATE,
     RESERVOIR,
-    RESTED,
-    TAKEN_UP,
     TURNED,
     WET,
     WORK_DONE,
@@ -57,9 +55,9 @@ from evaluation.plant.rarer import (
     haunt,
     hold_back,
     joints,
+    linger,
     seldom,
     stay,
-    trail,
 )
 from evaluation.plant.thermal import (
     FILM,
@@ -108,7 +106,6 @@ CORRODING = slot("corroding_wire")
 LIME = slot("lime_on_wire")
 LATENT_FADES = slot("fading_latent")
 LINGERING = slot("lingering_stress")
-OF_REST = slot("latent_of_rest")
 HEALING = slot("healing_defects")
 ORDERING = slot("ordering_austenite")
 MARTENSITE_WARMS = slot("warm_martensite_resists")
@@ -141,7 +138,7 @@ def resistance(s: int, p: Array, e: Array, cells: Array, side: Array, heat: Arra
         factor += e[s, MARTENSITE_WARMS] * cells[s, i, FRACTION] * warm
         heat[i] = base * factor / CELLS
         total += heat[i]
-    return float(total + joints(s, e, cells, side, heat))
+    return float(total + joints(s, e, side, heat))
 
 
 @compiled
@@ -187,8 +184,7 @@ def coefficients(
         row[LOSS] = loss * (out / 15.0) ** power * (0.4 + 0.6 * wet)
         row[TO_CLAMP] = 0.0
         row[SHIFT_HEAT], row[SHIFT_COOL] = shifts(s, i, stress, p, e, cells, side)
-        row[LATENT] = latent * (1.0 + e[s, OF_REST] * side[s, RESTED])
-        row[LATENT] *= 1.0 + e[s, UNEVEN] * (1.0 - cells[s, i, FRACTION])
+        row[LATENT] = latent * (1.0 + e[s, UNEVEN] * (1.0 - cells[s, i, FRACTION]))
         row[LATENT] *= 1.0 - min(e[s, LATE_LATENT], 0.9)
         row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
@@ -241,11 +237,9 @@ def remember(
         tension = stress / p[STRESS]
         fading = approach(side[s, INNER_STRESS], tension, dt, 25.0)
         side[s, INNER_STRESS] = max(tension, fading)
-    side[s, TAKEN_UP] = approach(side[s, TAKEN_UP], stress / p[STRESS], dt, 6.0)
     half = 0.5 * e[s, PLAYS_OF_GRAINS]
     load = stress / p[STRESS]
     side[s, GRAINS] = min(max(side[s, GRAINS], load - half), load + half)
-    side[s, RESTED] = approach(side[s, RESTED], 1.0, dt, 15.0) * math.exp(-moved_all / 0.3)
     side[s, WORK_DONE] += moved_all
     side[s, DEFECTS] = approach(side[s, DEFECTS], 0.0, dt, 10.0) + formed
     side[s, RATE] = approach(side[s, RATE], moved_all / dt, dt, 0.3)
@@ -293,10 +287,10 @@ def tube(
         gained = side[s, FLOW] * (cells[s, CELLS - 1, W] - source) * dt
         pair[RESERVOIR] += e[s, RESERVOIR_WARMS] * gained / 400.0
     remember(s, stress, p, e, cells, side, dt)
-    trail(s, p, e, cells, side, pair, dt)
     haunt(s, p, cells, side, pair, dt)
     stay(s, p, cells, side, pair, dt)
     grow(s, p, cells, side, pair, dt)
     collect(s, p, cells, side, pair, dt)
     hold_back(s, p, e, cells, side, pair, dt)
+    linger(s, p, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)

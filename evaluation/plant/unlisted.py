@@ -7,90 +7,6 @@ The load cell is beside X, so that a force between the springs has one place.
 from evaluation.plant.effect import FLOW, Effect
 
 EFFECTS: tuple[Effect, ...] = (
-    Effect("loosening_crimp", "dev", "electrical", "ohm", 0.00402, 0.3,
-           "resistance reading_voltage", "wire current",
-           "a copper crimp at the outlet's end widens more than the wire in it: R + "
-           "e(T_end − 32 °C)⁺/10 K", "one"),
-    Effect("warmed_divider", "dev", "electrical", "1", 0.0204, 0.9, "reading_voltage",
-           "current other_current time",
-           "the voltmeters' dividers lie beside the drivers: V(1 + e w), w → (I_x² + I_y²)/"
-           "(4 A)² in 10 s", "both"),
-    Effect("lifted_outlet", "dev", "thermal", "1", 0.218, 0.9, FLOW, "displacement duty",
-           "the tendon lifts a tube's outlet, which costs head: flow(1 − e y/5 mm), y its own "
-           "contraction", "one"),
-    Effect("beating_gears", "dev", "thermal", "1", 0.387, 0.95, FLOW, "time duty",
-           "a pump's worn gears beat: flow[1 + e sin(2πt/7 s + c)]"),
-    Effect("stirred_up_flakes", "dev", "thermal", "1", 3.43, 40.0, "film", "duty time",
-           "a starting flow stirs up flakes, which cover the coil: film/(1 + e w), w gains what "
-           "the flow's share gains, and fades in 4 s"),
-    Effect("water_cooled_driver", "dev", "thermal", "K", 5.96, 20.0,
-           "inlet_water heat_into_water", "current duty time",
-           "the feed cools its driver's plate: T_in + e w, w gains (I/4 A)² each 4 s and loses "
-           "w(1 + 6q) each 20 s, q the flow's share"),
-    Effect("shifted_lagging", "dev", "thermal", "1", 3.46, 60.0, "heat_into_water",
-           "displacement water",
-           "a spring that contracts pulls the lagging off its tube: loss(1 + e k), k from 0 in "
-           "the middle to 1 at 4 mm"),
-    Effect("fan_on_other_motor", "dev", "thermal", "1", 7.8, 60.0, "heat_into_water",
-           "other_duty water",
-           "the other pump's motor has a fan that blows on the tube: loss(1 + e w), w its speed",
-           "across"),
-    Effect("massive_clamp", "dev", "thermal", "W/K", 0.0331, 1.0, "heat_into_wire",
-           "wire wire_rate time",
-           "the clamp at the inlet's end stores 3 J/K: + e(T_clamp − T) there", "one"),
-    Effect("wrong_table_entry", "dev", "sensors", "K", 2.81, 12.0, "reading_rtd",
-           "reading wire",
-           "one entry in an RTD's table is wrong: T + e exp[−((T − 30 °C − 10c K)/3 K)²]"),
-    Effect("sticking_element", "dev", "sensors", "K", 1.9, 12.0, "reading_rtd",
-           "reading_rate wire_rate reading",
-           "an RTD's winding sticks in its sheath, which strains it: T − e b, b by dT/4 K within "
-           "±1"),
-    Effect("soft_tape", "dev", "sensors", "1", 0.135, 0.95, "reading_displacement",
-           "reading_rate displacement velocity time",
-           "the encoder's scale on soft tape is dragged along, and creeps back: x − e(x − z), "
-           "z → x in 5 s", "both"),
-    Effect("bowed_scale", "dev", "sensors", "mm", 0.308, 8.0, "reading_displacement",
-           "displacement reading",
-           "the encoder's scale is bowed: x + e(x/5 mm)²", "both"),
-    Effect("rubbing_cable", "dev", "sensors", "N", 0.0682, 0.9, "reading_force",
-           "velocity displacement",
-           "the load cell's cable rubs on the tendon: F + e b, b by dx/1 mm within ±1", "both"),
-    Effect("thrifty_converter", "dev", "sensors", "N", 0.122, 0.6, "reading_force",
-           "reading reading_rate force",
-           "the load cell's converter spares the bus: it shows its last value until that is off "
-           "by e", "both"),
-    Effect("hall_on_hose", "dev", "sensors", "1", 0.0135, 0.9, "reading_current",
-           "water current reading",
-           "a current sensor lies on its tube's return: i(1 + e w), w → the outlet's ΔT_w/20 K "
-           "in 6 s"),
-    Effect("latent_of_rest", "dev", "phase", "1", 1.63, 8.0, "heat_into_wire",
-           "fraction_rate time transformed",
-           "a wire that has rested takes and gives more heat as it transforms: L(1 + e a), a → 1 "
-           "in 15 s, and worn off by exp(−Σ|Δξ|/0.3)"),
-    Effect("lagging_stress", "dev", "phase", "K", 2.74, 18.0, "transformation_shift",
-           "force time",
-           "grains take up the load late: both thresholds − e(F − z)/0.4 N, z → F in 6 s"),
-    Effect("reverting_remnants", "dev", "phase", "mm", 4.14, 12.0, "recoverable_strain",
-           "wire fraction",
-           "remnants of martensite revert only in hot wire: deflection − e m, m from 0 at 42 °C "
-           "to 1 at 52 °C"),
-    Effect("folding_leaf", "dev", "mechanics", "N", 0.131, 0.9, "force_cell_on_x", "velocity",
-           "a leaf on the tendon folds in oil on its way back: against x by e v⁺/5 mm/s", "both"),
-    Effect("skewed_guide", "dev", "mechanics", "N", 0.0899, 0.9, "force_cell_on_x",
-           "velocity displacement",
-           "a skewed guide rubs off its middle: against x by e(x/5 mm)² v/(|v| + 0.5 mm/s)",
-           "both"),
-    Effect("shifting_pin", "dev", "mechanics", "mm", 1.81, 4.0, "recoverable_strain",
-           "force time",
-           "a spring's anchor pin shifts in its hole: deflection + e from 1.5 N on, until below "
-           "1.3 N, in 0.3 s", "one"),
-    Effect("hiccuping_fuse", "dev", "electrical", "1", 0.00784, 0.9, "driven_current",
-           "current time",
-           "an electronic fuse counts heat: after every 20 A²s it holds back for 1.5 s: I(1 − e)"),
-    Effect("flow_interlock", "dev", "electrical", "1", 0.0111, 0.9, "driven_current",
-           "duty current time",
-           "a flow switch that falls back late holds its heater down: I(1 − e) until 2 s after its "
-           "pump has fallen below a tenth of full speed", "one"),
     Effect("healing_defects", "dev", "electrical", "1", 0.0365, 0.6,
            "resistance reading_voltage",
            "fraction time fraction_rate",
@@ -352,4 +268,99 @@ EFFECTS: tuple[Effect, ...] = (
            "duty other_duty time",
            "the tendon's knot gives as the pumps shake it: longer by e[1 − exp(−∫(w_x + w_y)dt/"
            "10 s)], the motors' speeds", "both"),
+    Effect("burst_firing", "dev", "electrical", "1", 0.00926, 0.5, "driven_current",
+           "current time",
+           "a driver fires in bursts: I + e(b − I), b 4 A for a share of I/4 A of every 3 s, from "
+           "c on, else 0"),
+    Effect("worn_setpoint_track", "dev", "electrical", "1", 0.0141, 0.9, "driven_current",
+           "current",
+           "the track of a driver's set value is worn at one place: I[1 − e exp(−((I − 1 A − "
+           "2c A)/0.4 A)²)]"),
+    Effect("migrating_solder", "dev", "electrical", "ohm", 0.0118, 0.3,
+           "resistance reading_voltage",
+           "current time",
+           "current carries solder out of the joint at the inlet's end: R + e(1 − exp(−∫I dt/"
+           "40 A s))", "one"),
+    Effect("wavy_converter", "dev", "electrical", "V", 0.02, 0.3,
+           "reading_voltage resistance",
+           "reading current",
+           "a voltmeter's converter is wavy: V + e sin(2πV/0.8 V)"),
+    Effect("pump_on_heater_ground", "dev", "thermal", "1", 0.0328, 0.8, FLOW, "current",
+           "a pump's board shares its heater's ground, which lifts its set value: flow's share + "
+           "e I/4 A"),
+    Effect("vortex_over_intake", "dev", "thermal", "1", 0.925, 4.0, FLOW,
+           "duty other_duty time",
+           "a vortex in the vessel lets air into both pumps: flow(1 − e b), b → (q − 0.6)⁺ in 3 s, "
+           "q both flows' share", "both"),
+    Effect("stirred_vessel", "dev", "thermal", "K", 2.36, 20.0,
+           "inlet_water heat_into_water",
+           "velocity time",
+           "a rod on the tendon stirs cold water up behind the inlet's sensor: T_in − e s, s gains "
+           "|dx|/10 mm, and fades in 8 s", "both"),
+    Effect("lint_in_coil", "dev", "thermal", "1", 5.12, 40.0, "film",
+           "displacement duty time",
+           "a coil drawn in holds what lint comes with its water, and lets it go drawn out: "
+           "film/(1 + e b), b gains q y⁺/5 mm each 5 s, and fades by exp(−∫(−y)⁺/5 mm dt/3 s), q "
+           "the flow's share, y its own contraction"),
+    Effect("cam_switched_lamp", "dev", "thermal", "W", 0.705, 10.0, "heat_into_water",
+           "displacement time",
+           "a cam on the tendon switches a lamp over one tube: + e from 2.5 mm of its own "
+           "contraction on, until it is below 1 mm, in 0.3 s", "one"),
+    Effect("brake_resistor_under_tube", "dev", "thermal", "W", 1.13, 30.0, "heat_into_water",
+           "duty time",
+           "a pump's motor is braked into a resistor under its tube: + e k, k gains what the motor "
+           "loses in speed, and fades in 4 s"),
+    Effect("curing_resin", "dev", "thermal", "J", 11.2, 120.0, "heat_into_wire",
+           "wire time",
+           "resin on the wire cures in heat, which gives heat: + e dc/dt, dc/dt = (1 − c)"
+           "(T − 34 °C)⁺/100 K s", "one"),
+    Effect("washed_terminal", "dev", "sensors", "K", 2.81, 15.0, "reading_rtd",
+           "duty time",
+           "an RTD's terminal corrodes as it is washed: T + e(1 − exp(−∫q dt/10 s)), q the flow's "
+           "share"),
+    Effect("loose_tie", "dev", "sensors", "s", 1.72, 12.0, "reading_rtd",
+           "reading_rate wire_rate velocity",
+           "an RTD's tie is loose and lifts it as its spring moves: slower by e |v|/(|v| + 1 mm/s)",
+           "one"),
+    Effect("dimmed_lamp", "dev", "sensors", "1", 0.102, 0.9, "reading_displacement",
+           "current other_current displacement velocity",
+           "the heaters dim the encoder's lamp, and it loses lines: x − e∫(I_x + I_y)/4 A dx",
+           "both"),
+    Effect("drying_scale", "dev", "sensors", "1", 0.147, 0.9, "reading_displacement",
+           "displacement time reading",
+           "the encoder's scale shrinks as it dries: x[1 + e(1 − exp(−t/20 s))]", "both"),
+    Effect("sagging_lead", "dev", "sensors", "N", 0.282, 0.9, "reading_force",
+           "current time",
+           "X's lead sags onto the load cell as it warms: F + e w, w → (I_x/4 A)² in 6 s", "both"),
+    Effect("moist_gauge", "dev", "sensors", "1", 0.0511, 0.6, "reading_force",
+           "duty other_duty time force reading",
+           "spilt water softens the glue of the load cell's gauges: F(1 − e w), w → both flows' "
+           "share in 3 s, and dries in 20 s", "both"),
+    Effect("wrong_compensation", "dev", "sensors", "1", 0.00774, 0.9, "reading_current",
+           "wire current reading",
+           "a current sensor is compensated by the wrong temperature: i[1 + e(T_RTD − 27 °C)/"
+           "20 K]"),
+    Effect("drawn_out_once", "dev", "phase", "K", 1.24, 15.0, "transformation_shift",
+           "displacement time",
+           "a coil drawn out further than before keeps dislocations: both thresholds − e d/5 mm, d "
+           "its furthest beyond the middle so far"),
+    Effect("crackling_neighbour", "dev", "phase", "K", 1.62, 12.0, "transformation_shift",
+           "other_fraction time",
+           "one spring's crackling frees the other's interfaces: A_s − e d, M_s + e d, d → "
+           "r/(r + 0.05/s) in 3 s, r the rate |dξ/dt| of that one", "across"),
+    Effect("relaxing_coils", "dev", "phase", "mm", 1.24, 4.0, "recoverable_strain",
+           "displacement time",
+           "variants settle where their coil is held: deflection + e z, z → its stretch beyond the "
+           "middle/5 mm in 12 s"),
+    Effect("taped_slide", "dev", "mechanics", "N", 0.112, 0.9, "force_cell_on_x",
+           "velocity displacement",
+           "tape covers the slide from one place on: against x by e ½[1 + tanh((x − c)/0.5 mm)] "
+           "v/(|v| + 0.5 mm/s)", "both"),
+    Effect("relaxing_guy", "dev", "mechanics", "N", 0.1, 0.45, "force_cell_on_x",
+           "time",
+           "a guy tied to the tendon relaxes: along x by e exp(−t/20 s)", "both"),
+    Effect("unwinding_turnbuckle", "dev", "mechanics", "mm", 2.43, 8.0, "recoverable_strain",
+           "velocity time",
+           "the tendon's turnbuckle unwinds as it runs: longer by e[1 − exp(−∫|dx|/40 mm)]",
+           "both"),
 )  # fmt: skip

@@ -18,9 +18,9 @@ from evaluation.plant.layout import (
     FEED_WARM,
     FILL,
     FLOW,
+    ICE,
     LEVEL_LOST,
     MIXER,
-    PLATE_WARM,
     POCKET,
     REFILLED,
     RESERVOIR,
@@ -37,12 +37,12 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
-COOLED_DRIVER = slot("water_cooled_driver")
 FLOAT_VALVE = slot("float_valve")
 FEED_WOUND = slot("feed_wound_on_tube")
 MIXER_LAGS = slot("lagging_mixer_tap")
 STIRS = slot("stirred_vessel")
 SPARES = slot("cooler_on_spare_power")
+ICY = slot("ice_in_vessel")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -115,12 +115,12 @@ def entering(
         pair[STIRRED] = stirred + dt * abs(pair[SPEED]) / 10e-3
         spared = max(1.0 - (side[0, AMPERE] + side[1, AMPERE]) / 4.0, 0.0)
         pair[SPARE] = approach(pair[SPARE], spared, dt, 6.0)
-        pair[MIXER] = approach(pair[MIXER], (side[0, FLOW] + side[1, FLOW]) / 0.55, dt, 5.0)
+        drawn = (side[0, FLOW] + side[1, FLOW]) / 0.55
+        pair[ICE] += dt * ((1.0 - pair[ICE]) / 20.0 - pair[ICE] * drawn / 4.0)
+        pair[MIXER] = approach(pair[MIXER], drawn, dt, 5.0)
     source -= e[0, FLOAT_VALVE] * pair[REFILLED]
     source += e[0, MIXER_LAGS] * ((side[0, FLOW] + side[1, FLOW]) / 0.55 - pair[MIXER])
     source -= e[0, STIRS] * pair[STIRRED]
     source -= e[0, SPARES] * pair[SPARE]
-    lost = side[s, PLATE_WARM] * (1.0 + 6.0 * side[s, FLOW] / 0.55) / 20.0
-    side[s, PLATE_WARM] += dt * ((side[s, AMPERE] / 4.0) ** 2 / 4.0 - lost)
-    source += e[s, COOLED_DRIVER] * side[s, PLATE_WARM]
+    source -= e[0, ICY] * pair[ICE]
     return float(source)
