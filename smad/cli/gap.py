@@ -99,9 +99,7 @@ def apply(
     *,
     verdict: Path = argument(EXISTING),
     out: Path = option("--out", "The model file to write.", OUTPUT, required=True),
-    first: int | None = option(
-        "--first", "Only this many causes; 0: the parameters alone.", Whole(0)
-    ),
+    first: int | None = option("--first", "Only so many causes; 0: parameters alone.", Whole(0)),
 ) -> None:
     """Write the model of a VERDICT, with all or some causes.
 

@@ -54,22 +54,12 @@ class SpringPair:
         trusted: Sequence[str] = (),
         map_path: Path | None = None,
     ) -> Answer:
-        """Where it and the runs of files disagree; see `smad.diagnosis.diagnose`.
+        """Where it and the runs of files disagree; see `diagnose_files`."""
+        from smad.diagnosis.spring_pair.files import diagnose_files
 
-        `trusted` are names or paths of runs that the nominal model's opinion does not refuse.
-        """
-        from smad.diagnosis import diagnose
-        from smad.diagnosis.spring_pair.signals import read_gap_runs
-
-        mapping, plant, every = mapping_of(map_path), self.plant(), (*runs, *good, *hold_out)
+        files, mapping = (runs, good, hold_out, trusted), mapping_of(map_path)
         with progress() as line:
-            fitted, known_good, judged_on = (
-                read_gap_runs(paths, every, trusted, mapping, line.say)
-                for paths in (runs, good, hold_out)
-            )
-            return diagnose(
-                fitted, plant=plant, good=known_good, hold_out=judged_on, progress=line.say
-            )
+            return diagnose_files(self.plant(), *files, mapping=mapping, progress=line.say)
 
 
 def arguments_text(
