@@ -313,16 +313,17 @@ _ROWS: tuple[HostFault, ...] = (
 HOST_FAULTS: dict[str, HostFault] = {row.name: row for row in _ROWS}
 
 
-def run_host_fault(fault: HostFault, seed: int) -> Outcome:
+def run_host_fault(fault: HostFault, seed: int, *, paced: bool = False) -> Outcome:
     """Run one with a daemon, a bench and a client of its own; a few seconds of wall time.
 
-    Raises SmadError when the healthy bench could not be brought to heat.
+    `paced`: the armed board waits for its daemon; for faults after which the bench goes on. Raises
+    SmadError when the healthy bench could not be brought to heat.
     """
     # Socket paths are short.
     with (
         tempfile.TemporaryDirectory(prefix="smad-fault-") as folder,
         small_disk(Path(folder) / "disk") if fault.small_disk else contextlib.nullcontext() as disk,
-        rig_in(Path(folder), seed, fault.part, disk, fault.descriptors) as rig,
+        rig_in(Path(folder), seed, fault.part, disk, fault.descriptors, paced=paced) as rig,
     ):
         client = rig.heat_by_program(fault.program) if fault.program else rig.heat()
         rig.onset_us = rig.bench.now_us

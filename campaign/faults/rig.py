@@ -39,7 +39,8 @@ class FaultRig(DaemonRig):
     """The bench heats spring X with 4 A under the daemon's command once `heat` returns.
 
     With a `part`, that part of the daemon breaks on SIGUSR1 (`breakable_daemon`). With a limit on
-    `descriptors`, the daemon listens on TCP as well.
+    `descriptors`, the daemon listens on TCP as well. `paced`: the armed board waits for its daemon,
+    so that a busy machine makes it slower and stops nothing.
     """
 
     def __init__(
@@ -49,13 +50,20 @@ class FaultRig(DaemonRig):
         part: str = "",
         disk: SmallDisk | None = None,
         descriptors: int | None = None,
+        *,
+        paced: bool = False,
     ) -> None:
         _look_through_what_is_left()
         self.bench = WatchedBench(seed=seed)
         self.disk = disk
         self.runs = folder / "runs" if disk is None else disk.folder
         port, counts = folder / "device.tty", PortCounts()
-        self._server = Server(self.bench, lambda: PtyPort(port, counts))
+        self._server = Server(
+            self.bench,
+            lambda: PtyPort(port, counts),
+            paced_by_host=paced,
+            host_timeout_s=PATIENCE_S if paced else None,
+        )
         self._thread = threading.Thread(target=self._server.run, name="bench", daemon=True)
         self._thread.start()
         key = zmq.curve_keypair()[0].decode()
@@ -167,9 +175,11 @@ def rig_in(
     part: str = "",
     disk: SmallDisk | None = None,
     descriptors: int | None = None,
+    *,
+    paced: bool = False,
 ) -> Iterator[FaultRig]:
     """Yield a rig for as long as the block lasts; its run logs go to `disk`, if one is given."""
-    rig = FaultRig(folder, seed, part, disk, descriptors)
+    rig = FaultRig(folder, seed, part, disk, descriptors, paced=paced)
     try:
         yield rig
     finally:

@@ -105,7 +105,7 @@ def test_every_part_that_is_to_break_exists() -> None:
 
 
 def test_a_disk_that_is_full_ends_the_recording_and_nothing_else() -> None:
-    outcome = run_host_fault(HOST_FAULTS["disk_full"], seed=1)
+    outcome = run_host_fault(HOST_FAULTS["disk_full"], seed=1, paced=True)
     assert judge(outcome) == []
     assert outcome.first_fault == ""
     assert outcome.log is not None
@@ -123,7 +123,7 @@ def test_without_a_descriptor_left_the_bench_goes_on_and_a_new_client_stops_it()
 
 
 def test_a_deleted_folder_ends_the_recording_tells_and_nothing_else() -> None:
-    outcome = run_host_fault(HOST_FAULTS["deleted_folder"], seed=1)
+    outcome = run_host_fault(HOST_FAULTS["deleted_folder"], seed=1, paced=True)
     assert judge(outcome) == []
     assert outcome.first_fault == ""
 
@@ -136,7 +136,7 @@ def test_a_bench_with_a_full_disk_is_not_armed_without_a_log_and_records_again_w
             pytest.skip(disk.refused)
         with (
             tempfile.TemporaryDirectory(prefix="smad-disk-") as folder,
-            rig_in(Path(folder), 1, disk=disk) as rig,
+            rig_in(Path(folder), 1, disk=disk, paced=True) as rig,
         ):
             client = rig.heat()
             disk.fill(rig.daemon.process.pid, disk.folder)
