@@ -78,19 +78,17 @@ def effective_rows(rows: float, form_share: float, kappa: float, good: int) -> f
     return 1.0 / ((1.0 - form_share) ** 2 / rows + of_form)
 
 
-def quiet_gap(
-    form_share: Array | float, kappa: float, runs: int, good: int, tests: int = 1
-) -> Array:
+def quiet_gap(form_share: float, kappa: float, runs: int, good: int, tests: int = 1) -> float:
     """The largest gap, in floors, that noise and the known model error leave in so many `runs`.
 
-    `form_share` is that of each channel, or their mean for the gap over all of them: their errors
-    are taken to be alike, since what the model lacks acts on several. Each run, new or good, has
-    `kappa` independent rows. Of so many `tests` none finds more by chance.
+    `form_share` is the mean of the channels' shares: their errors are taken to be alike, since what
+    the model lacks acts on several of them. Each run, new or good, has `kappa` independent rows. Of
+    so many `tests` none finds more by chance.
     """
     from scipy.special import fdtri
 
     of_form = fdtri(kappa * runs, kappa * max(good, 1), 1.0 - _FORM_RARELY / tests)
-    return np.asarray(np.sqrt((1.0 - form_share) * _QUIET_SQUARE + form_share * of_form))
+    return float(np.sqrt((1.0 - form_share) * _QUIET_SQUARE + form_share * of_form))
 
 
 def probabilities(
