@@ -75,9 +75,13 @@ def orders(result: StageResult) -> list[str]:
 
 
 def parts_of(usage: Sequence[Usage]) -> tuple[list[Usage], list[Usage]]:
-    """What was held early (the second tenth: the first is warming up) and late (the last)."""
+    """What was held early (the second tenth: the first is warming up) and late (the last).
+
+    Of a short soak three looks each: one alone may fall into a moment in which a file is closed.
+    """
     tenth = max(1, len(usage) // 10)
-    return list(usage[tenth : 2 * tenth]), list(usage[-tenth:])
+    looks = max(3, tenth)
+    return list(usage[tenth : tenth + looks]), list(usage[-looks:])
 
 
 def table_of(result: StageResult) -> Table:
