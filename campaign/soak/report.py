@@ -77,10 +77,11 @@ def orders(result: StageResult) -> list[str]:
 def parts_of(usage: Sequence[Usage]) -> tuple[list[Usage], list[Usage]]:
     """What was held early (the second tenth: the first is warming up) and late (the last).
 
-    Of a short soak three looks each: one alone may fall into a moment in which a file is closed.
+    Of a short soak up to three looks each, none of which counts twice: one alone may fall into a
+    moment in which the daemon holds less.
     """
     tenth = max(1, len(usage) // 10)
-    looks = max(3, tenth)
+    looks = max(tenth, min(3, (len(usage) - tenth) // 2))
     return list(usage[tenth : tenth + looks]), list(usage[-looks:])
 
 

@@ -130,7 +130,7 @@ def changed_runs(admitted: AdmittedRuns) -> Search:
     form = 1.0 - (admitted.floors / floors) ** 2
     new = replace(
         new,
-        form_shares=form,
+        form_shares=form if form.any() else None,
         good=len(admitted.good),
     )
     return run_search(new)

@@ -236,7 +236,7 @@ def book_heat(
         s.T_water_rate = (new_water - T_water) * per_dt
         s.T_water = new_water
         carried = length * dt * w.g_flow * (middle_water + w.leaves_warmer - g.T_inlet)
-        # What enters or leaves as the tube fills or drains.
+        # As the tube fills or drains: the share changes by twice the way from its mean to its end.
         entered = 2.0 * (s.filled - s.mean_filled) * p.warming_share * p.water_capacity
         s.heat_to_water -= length * entered * (middle_water - p.T_ref)
         s.heat_forced += length * dt * w.forced_water

@@ -91,7 +91,7 @@ class Course:
             labels=tuple(labelled(c.words or c.name, c.unit) for c in channels),
             units=tuple(c.unit for c in channels),
             paired=paired,
-            drifts=_DRIFTS * run.has_drifts,
+            drifts=_DRIFTS if run.has_drifts else "",
         )
 
     def curves(self, c: int) -> list[tuple[Array, str, str, str, float]]:

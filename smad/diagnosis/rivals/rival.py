@@ -220,17 +220,17 @@ class Question:
 
     def is_quiet(self, rival: Rival) -> bool:
         """Whether a simulator that lacks nothing may leave as large a gap as a rival, over all
-        channels and, where floors include model error, in one.
+        channels and, where floors include model error, in each.
         """
-        e, gap, largest_gap = self.judged, self.gap(rival), self.channel_gaps(rival).max()
-        largest = partial(quiet_gap, kappa=shipped().evidence, runs=len(e.trials), good=self.good)
+        e, gap = self.judged, self.gap(rival)
+        limit = partial(quiet_gap, kappa=shipped().evidence, runs=len(e.trials), good=self.good)
         if self.form_shares is None:
-            return gap <= largest(0.0)
+            return gap <= limit(0.0)
         mean_share = float(np.average(self.form_shares, weights=e.counts.sum(axis=0)))
         # A channel that good runs left at its noise may have model error in new ones: it counts as
         # if its whole floor were that.
-        in_one = largest(1.0, tests=e.recorded)
-        return bool(gap <= largest(mean_share) and largest_gap <= in_one)
+        limit_of_channel = limit(1.0, tests=e.recorded)
+        return gap <= limit(mean_share) and bool(self.channel_gaps(rival).max() <= limit_of_channel)
 
     def refuted(self, rivals: Sequence[Rival]) -> list[bool]:
         """Which rivals are not quiet while another one is.

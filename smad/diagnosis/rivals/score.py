@@ -82,8 +82,8 @@ def quiet_gap(form_share: float, kappa: float, runs: int, good: int, tests: int 
     """The largest gap, in floors, that noise and the known model error leave in so many `runs`.
 
     `form_share` is the mean of the channels' shares: their errors are taken to be alike, since what
-    the model lacks acts on several of them. Each run, new or good, has `kappa` independent rows. Of
-    so many `tests` none finds more by chance.
+    the model lacks acts on several of them. Each run, new or good, has `kappa` independent rows.
+    The more `tests`, the higher is the limit of each: all together are as seldom wrong as one.
     """
     from scipy.special import fdtri
 

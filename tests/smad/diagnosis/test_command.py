@@ -20,7 +20,7 @@ from smad.diagnosis.verdict import Verdict
 from smad.errors import SmadError
 from smad.units import unparted
 
-DIAGNOSED = "smad.cli.gap_print.SpringPair.diagnose"
+DIAGNOSED = "smad.diagnosis.spring_pair.files.diagnose_files"
 
 
 def call(*arguments: str) -> Result:
