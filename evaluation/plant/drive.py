@@ -89,7 +89,7 @@ TAPS = slot("changing_taps")
 RAMPS = slot("ramped_pump")
 CLEANS = slot("self_cleaning_filter")
 TONES = slot("idle_tone_of_modulator")
-THROTTLED = slot("thermistor_on_wrong_tube")
+THERMISTOR = slot("thermistor_on_wrong_tube")
 ROLLERS = slot("pulsing_rollers")
 STICKS = slot("sticking_flap")
 
@@ -103,7 +103,8 @@ TRACK_A = 0.4  # how much of a set value's track is worn
 JOINS_A, LEAVES_A = 2.2, 1.4  # set value at which a second stage joins in and leaves
 TAP_S = 0.5  # how long a changer of taps is open
 CLEANS_S = 4.0  # of full flow, after which a filter flushes itself back
-TONE_A_S, ROLLERS_S = 8.0, 8.0  # in a turn of a modulator's tone, and of rollers at full speed
+TONE_A_S = 8.0  # what a driver gives in one turn of its modulator's tone
+ROLLERS_S = 8.0  # of full speed, in which a pump's rollers turn once
 VORTEX_AT, VORTEX_S = 0.6, 3.0  # both flows' share above which a vortex grows, and how fast
 
 
@@ -125,15 +126,24 @@ def approach(state: float, target: float, dt: float, time_constant: float) -> fl
 
 
 @compiled
+def switched(
+    state: float, seen: float, on: float, off: float, dt: float, time_constant: float
+) -> float:
+    """A switch with hysteresis: towards 1 above `on`, towards 0 below `off`, else as it stands."""
+    if seen > on:
+        return approach(state, 1.0, dt, time_constant)
+    if seen < off:
+        return approach(state, 0.0, dt, time_constant)
+    return state
+
+
+@compiled
 def current(
     s: int, command: float, p: Array, e: Array, side: Array, pair: Array, dt: float
 ) -> float:
     """Real current (A) through spring `s` for a commanded one."""
     i = min(max(command, 0.0), CURRENT_LIMIT_A)
-    if i > JOINS_A:
-        side[s, STAGE] = approach(side[s, STAGE], 1.0, dt, 0.3)
-    elif i < LEAVES_A:
-        side[s, STAGE] = approach(side[s, STAGE], 0.0, dt, 0.3)
+    side[s, STAGE] = switched(side[s, STAGE], i, JOINS_A, LEAVES_A, dt, 0.3)
     tap = 1.0 + 2.0 * e[2, TAPS]
     if (i - tap) * (side[s, SET_BEFORE] - tap) < 0.0:
         side[s, TAP_OPEN] = TAP_S
@@ -144,7 +154,7 @@ def current(
         side[s, TAP_OPEN] -= dt
     side[s, TONE] += dt * i / TONE_A_S
     i *= 1.0 + min(e[s, TONES], 0.9) * math.sin(2.0 * math.pi * (side[s, TONE] + e[2, TONES]))
-    i *= max(0.1, 1.0 - e[1 - s, THROTTLED] * side[s, OTHER_PLUME])
+    i *= max(0.1, 1.0 - e[1 - s, THERMISTOR] * side[s, OTHER_PLUME])
     half = 0.5 * e[s, VARIAC]
     side[s, WOUND] = min(max(side[s, WOUND], i - half), i + half)
     if i > 0.0:

@@ -15,7 +15,6 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMBIENT,
     AMPERE,
-    BREATHED,
     BURST,
     CELL_WIDTH,
     CELLS,
@@ -130,7 +129,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, GRAINS] = 1.2
     side[:, PHASE_BEFORE] = 1.0
     side[:, BURST] = 1.0
-    side[:, BREATHED] = water_degC
     side[:, FLAP] = 1.0
     side[:, WALLS] = 1.0
     pair[ICE] = pair[STOOD] = 1.0

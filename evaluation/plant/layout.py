@@ -121,12 +121,11 @@ CELL_WIDTH = PLAY + PLAYS
     PUDDLE,
     SHAKEN,
     MOIST,
-    BREATHED,
     SHUNT_WARM,
     WALLS,
     BULGED,
     SIDE_WIDTH,
-) = range(104)
+) = range(103)
 
 (
     TIME,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.plant.compiled import compiled
-from evaluation.plant.drive import approach
+from evaluation.plant.drive import approach, switched
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
@@ -143,7 +143,7 @@ def mean(s: int, column: int, less: float, cells: Array) -> float:
 
 @compiled
 def joints(s: int, e: Array, side: Array, heat: Array) -> float:
-    """What the ends of spring `s` and their leads add to its resistance (ohm), and to `heat`."""
+    """What joints at the inlet's end of spring `s` add to its resistance (ohm), and to `heat`."""
     inlet = e[s, SOLDER] * (1.0 - math.exp(-side[s, CARRIED]))
     inlet += e[s, CRIMP] * side[s, FRETTED]
     heat[0] += inlet
@@ -184,12 +184,12 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
     stirred /= 1.0 + e[s, SLIMY] * side[s, SLIME]
     stirred /= 1.0 + e[s, LINTY] * side[s, LINT]
     stirred /= 1.0 + e[1 - s, SILTY] * side[s, SETTLED]
+    stirred /= 1.0 + e[s, GASSY] * side[s, GASSED]
     wetter = 1.0 + e[s, BLOWS] * side[s, BLOWN]
     wetter *= 1.0 + e[s, CHIMNEY] * side[s, DRAUGHT]
     wetter *= 1.0 + e[0, RACK] * pair[RACK_BLOWS]
-    stirred /= 1.0 + e[s, GASSY] * side[s, GASSED]
     speed = min(max(side[1 - s, PUMP], 0.0), 1.0)
-    rubbed = 4.0 * e[1 - s, CHOPPER] * speed * (1.0 - speed) + e[s, WALLS_RUB] * side[s, RATE]
+    within = 4.0 * e[1 - s, CHOPPER] * speed * (1.0 - speed) + e[s, WALLS_RUB] * side[s, RATE]
     rows[0, HEAT_WIRE] += e[s, UNLIKE] * side[s, AMPERE]
     warming = e[s, BELTED] * side[s, BELT] + e[s, REGULATED] * side[s, REGULATOR]
     warming += e[0, DUMMY_LOAD] * pair[DUMMY]
@@ -204,7 +204,7 @@ def seldom(s: int, e: Array, cells: Array, side: Array, pair: Array, rows: Array
         rows[i, HEAT_WATER] += warming / CELLS
         rows[i, HEAT_WIRE] += e[s, RESIN] * side[s, CURING] / CELLS
         rows[i, HEAT_WIRE] -= e[s, WAX] * side[s, MELTS] / CELLS
-        rows[i, HEAT_WIRE] += rubbed / CELLS
+        rows[i, HEAT_WIRE] += within / CELLS
         rows[i, FILM] *= stirred
         rows[i, LOSS] *= wetter
         rows[i, LOSS] += framed
@@ -231,7 +231,7 @@ def haunt(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -
 
 @compiled
 def stay(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
-    """Update what stays in spring `s` and its tube: order, load, hydrogen, a belt, froth."""
+    """Update what stays in spring `s` and its tube: order, load, hydrogen, a belt, froth, gas."""
     austenite = -mean(s, FRACTION, 1.0, cells)
     warmth = mean(s, T, 0.0, cells)
     water = mean(s, W, 0.0, cells)
@@ -241,14 +241,13 @@ def stay(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) ->
     taken = side[s, FLOW] / p[FULL_FLOW] * (1.0 - side[s, CHARGED])
     given = max(warmth - 35.0, 0.0) / 10.0 * side[s, CHARGED]
     side[s, CHARGED] += dt / 10.0 * (taken - given)
-    if water < BELT_ON_degC:
-        side[s, BELT] = approach(side[s, BELT], 1.0, dt, 1.0)
-    elif water > BELT_OFF_degC:
-        side[s, BELT] = approach(side[s, BELT], 0.0, dt, 1.0)
+    side[s, BELT] = switched(side[s, BELT], -water, -BELT_ON_degC, -BELT_OFF_degC, dt, 1.0)
     speed = min(max(side[s, PUMP], 0.0), 1.0)
     beaten = 4.0 * speed * (1.0 - speed)
     slow = 0.5 if beaten > side[s, FROTH] else 6.0
     side[s, FROTH] = approach(side[s, FROTH], beaten, dt, slow)
+    above = warmth - water
+    side[s, GASSED] = switched(side[s, GASSED], above, GASSES_K, CLEARS_K, dt, 0.5)
     ampere = side[s, AMPERE]
     side[s, REGULATOR] = approach(side[s, REGULATOR], ampere * (4.0 - ampere) / 4.0, dt, 5.0)
 
@@ -259,10 +258,7 @@ def grow(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) ->
     water = mean(s, W, 0.0, cells)
     grown = side[s, SLIME] + dt / 10.0 * max(water - 30.0, 0.0) / 10.0
     side[s, SLIME] = grown * math.exp(-dt * side[s, FLOW] / p[FULL_FLOW] / 6.0)
-    if water > FAN_ON_degC:
-        side[s, BLOWN] = approach(side[s, BLOWN], 1.0, dt, 1.0)
-    elif water < FAN_OFF_degC:
-        side[s, BLOWN] = approach(side[s, BLOWN], 0.0, dt, 1.0)
+    side[s, BLOWN] = switched(side[s, BLOWN], water, FAN_ON_degC, FAN_OFF_degC, dt, 1.0)
     side[s, LATE_SET] = approach(side[s, LATE_SET], mean(s, FRACTION, 0.0, cells), dt, 3.0)
     if s == 1:
         needed = 1.0 if side[0, AMPERE] + side[1, AMPERE] < BASE_A else 0.0
@@ -280,10 +276,7 @@ def collect(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float)
     over = max(mean(s, T, CURES_degC, cells), 0.0)
     side[s, CURING] = (1.0 - side[s, CURED]) * over / CURES_K_s
     side[s, CURED] += dt * side[s, CURING]
-    if drawn_in > CAM_ON_m:
-        side[s, LIT] = approach(side[s, LIT], 1.0, dt, 0.3)
-    elif drawn_in < CAM_OFF_m:
-        side[s, LIT] = approach(side[s, LIT], 0.0, dt, 0.3)
+    side[s, LIT] = switched(side[s, LIT], drawn_in, CAM_ON_m, CAM_OFF_m, dt, 0.3)
     # A motor's speed before this tick is the one that the load cell's indicator saw last.
     lost = max(side[s, SPEED_BEFORE] - side[s, PUMP], 0.0)
     side[s, BRAKING] = approach(side[s, BRAKING], 0.0, dt, 4.0) + lost
@@ -323,16 +316,11 @@ def hold_back(
 
 @compiled
 def linger(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
-    """Update what lingers about spring `s`: a fretted crimp, gas, a puddle, walls, a cap, a fan."""
+    """Update what lingers about spring `s`: a fretted crimp, a puddle, walls, a cap, a fan."""
     share = side[s, FLOW] / p[FULL_FLOW]
     heated = (side[s, AMPERE] / 4.0) ** 2
     fretted = side[s, FRETTED] + dt * abs(pair[SPEED]) / 10e-3
     side[s, FRETTED] = fretted * math.exp(-dt / 3.0 * heated)
-    above = mean(s, T, 0.0, cells) - mean(s, W, 0.0, cells)
-    if above > GASSES_K:
-        side[s, GASSED] = approach(side[s, GASSED], 1.0, dt, 0.5)
-    elif above < CLEARS_K:
-        side[s, GASSED] = approach(side[s, GASSED], 0.0, dt, 0.5)
     brought = dt / 4.0 * share * max(cells[s, CELLS - 1, W] - 27.0, 0.0) / 10.0
     side[s, PUDDLE] = approach(side[s, PUDDLE], 0.0, dt, 10.0) + brought
     side[s, SHAKEN] = approach(side[s, SHAKEN], side[s, PUMP], dt, 2.0)
@@ -343,7 +331,5 @@ def linger(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) 
     if s == 1:
         both = (side[0, AMPERE] / 4.0) ** 2 + heated
         pair[RACK_HOT] = approach(pair[RACK_HOT], both, dt, 8.0)
-        if pair[RACK_HOT] > RACK_ON:
-            pair[RACK_BLOWS] = approach(pair[RACK_BLOWS], 1.0, dt, 1.0)
-        elif pair[RACK_HOT] < RACK_OFF:
-            pair[RACK_BLOWS] = approach(pair[RACK_BLOWS], 0.0, dt, 1.0)
+        blows = switched(pair[RACK_BLOWS], pair[RACK_HOT], RACK_ON, RACK_OFF, dt, 1.0)
+        pair[RACK_BLOWS] = blows

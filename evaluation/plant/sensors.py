@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.plant.compiled import compiled
-from evaluation.plant.drive import approach, late
+from evaluation.plant.drive import approach, late, switched
 from evaluation.plant.effects import slot
 from evaluation.plant.encoder import travel
 from evaluation.plant.layout import (
     AMPERE,
     AVERAGED,
     BLANKED,
-    BREATHED,
     CELL_UNEVEN,
     CELLS,
     CHARGE,
@@ -158,6 +157,7 @@ def rtd(
     if e[s, STEM_ERROR] > 0.0:
         side[s, STEM] = approach(side[s, STEM], 0.3 * seen + 0.7 * ambient, dt, 15.0)
         seen -= e[s, STEM_ERROR] * (seen - side[s, STEM])
+    before = side[s, RTD_B]
     lifted = e[s, LOOSE_TIE] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 1e-3)
     side[s, RTD_A] = approach(side[s, RTD_A], seen, dt, p[RTD_LAG] + e[s, SLOW_RTD] + lifted)
     if e[s, SLOW_RTD] > 0.0:
@@ -181,15 +181,11 @@ def rtd(
         reading += e[1 - s, RTD_LEAD] * side[s, LEAD_WARM]
     drawn_out = pair[X] if s == 1 else -pair[X]
     reading += e[s, TO_HEATER] * side[s, AMPERE] / 4.0 * max(-drawn_out, 0.0) / 5e-3
-    if drawn_out > PARTS_m:
-        side[s, PARTED] = approach(side[s, PARTED], 1.0, dt, 0.2)
-    elif drawn_out < MEETS_m:
-        side[s, PARTED] = approach(side[s, PARTED], 0.0, dt, 0.2)
+    side[s, PARTED] = switched(side[s, PARTED], drawn_out, PARTS_m, MEETS_m, dt, 0.2)
     reading += e[s, PARTS] * side[s, PARTED]
     reading += e[s, WASHED] * (1.0 - math.exp(-2.0 * side[s, RUST]))
-    fallen = max(side[s, BREATHED] - side[s, RTD_B], 0.0) / 10.0
+    fallen = max(before - side[s, RTD_B], 0.0) / 10.0
     side[s, MOIST] = approach(side[s, MOIST], 0.0, dt, 6.0) + fallen
-    side[s, BREATHED] = side[s, RTD_B]
     reading -= e[s, BREATHES] * side[s, MOIST]
     if e[s, RIPPLE_FILTER] > 0.0:
         slow = e[s, RIPPLE_FILTER] * side[s, AMPERE] / 4.0

@@ -109,17 +109,17 @@ def entering(
         beside += cells[s, i, W] / CELLS
     side[s, FEED_WARM] = approach(side[s, FEED_WARM], beside, dt, 4.0)
     source += e[s, FEED_WOUND] * side[s, FEED_WARM] / (1.0 + 4.0 * side[s, FLOW] / 0.55)
+    drawn = (side[0, FLOW] + side[1, FLOW]) / 0.55
     if s == 0:
         refill(side, pair, dt)
         stirred = approach(pair[STIRRED], 0.0, dt, 8.0)
         pair[STIRRED] = stirred + dt * abs(pair[SPEED]) / 10e-3
         spared = max(1.0 - (side[0, AMPERE] + side[1, AMPERE]) / 4.0, 0.0)
         pair[SPARE] = approach(pair[SPARE], spared, dt, 6.0)
-        drawn = (side[0, FLOW] + side[1, FLOW]) / 0.55
         pair[ICE] += dt * ((1.0 - pair[ICE]) / 20.0 - pair[ICE] * drawn / 4.0)
         pair[MIXER] = approach(pair[MIXER], drawn, dt, 5.0)
     source -= e[0, FLOAT_VALVE] * pair[REFILLED]
-    source += e[0, MIXER_LAGS] * ((side[0, FLOW] + side[1, FLOW]) / 0.55 - pair[MIXER])
+    source += e[0, MIXER_LAGS] * (drawn - pair[MIXER])
     source -= e[0, STIRS] * pair[STIRRED]
     source -= e[0, SPARES] * pair[SPARE]
     source -= e[0, ICY] * pair[ICE]
