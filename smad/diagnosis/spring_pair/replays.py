@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from sim_device.plant import ParameterSet
+from sim_device.plant.effects.registry import effect
 from sim_device.plant.errors import SolverError
 from sim_device.plant.replay import Inputs, Replay, trajectory
 from sim_device.plant.setup import Setup
@@ -44,6 +45,11 @@ _SENSORS = {
 _OUTPUTS = ("i_x_A", "i_y_A", "v_x_V", "v_y_V", "rtd_inlet_degC", "rtd_ambient_degC", *_READINGS)
 
 
+def _acts_on_sensors(*places: str) -> bool:
+    """Whether one of these places is a sensor: of the others none changes what a start reads."""
+    return any(name.startswith("reading_") for name in places)
+
+
 class PointReader(Protocol):
     """How the spring pair reads a model point (see `SmaPlant`)."""
 
@@ -65,7 +71,9 @@ class GivenPoint:
             self.parameters, variant=self.variant, effects=effects, laws=point.laws, **_OPTIONS
         )
         self.zero_mm = point.theta.get("displacement_zero", 0.0)
-        self.acting = repr((sorted(effects.items()), point.laws))
+        sensors = {name: v for name, v in effects.items() if _acts_on_sensors(*effect(name).places)}
+        laws = [law for law in point.laws if _acts_on_sensors(law.place)]
+        self.on_sensors = repr((sorted(sensors.items()), laws)) if sensors or laws else ""
         self.unmoved = partial(GivenPoint, plant, replace(point, theta={}))
         # Heat and voltage go with the resistance of each spring.
         self.root = {"x": 1.0, "y": (1.0 + point.theta.get("side_resistance", 0.0)) ** 0.5}
@@ -107,18 +115,22 @@ class GivenRun:
         """
         if not self.run.starts_read:
             return dict(self.run.starts)
-        without_zero = self._starts.get(point.acting)
-        if without_zero is None:
-            without_zero = self._less_sensors(point.unmoved())
-            if len(self._starts) >= _KEPT:
-                self._starts.clear()
-            self._starts[point.acting] = without_zero
-        starts = dict(without_zero)
+        starts = dict(self._without_zero(point) if point.on_sensors else self.run.starts)
         if "displacement_mm" in starts:
             starts["displacement_mm"] -= point.zero_mm
         return starts
 
-    def _less_sensors(self, unmoved: GivenPoint) -> dict[str, float]:
+    def _without_zero(self, point: GivenPoint) -> dict[str, float]:
+        """What the run reads at its start, less what a point adds at the sensors; kept."""
+        starts = self._starts.get(point.on_sensors)
+        if starts is None:
+            starts = self.less_sensors(point.unmoved())
+            if len(self._starts) >= _KEPT:
+                self._starts.clear()
+            self._starts[point.on_sensors] = starts
+        return starts
+
+    def less_sensors(self, unmoved: GivenPoint) -> dict[str, float]:
         """What the run reads at its start, less what a point's effects and laws add there."""
         reads = self.run.starts
         first = replace(self.run.part(0, 2), whole=None, starts_read=False)

@@ -18,8 +18,12 @@ from sim_device.plant.replay import Inputs
 from smad.diagnosis.plant import Array, Index
 
 STEP_S = 6e-3
-"""After a change: two a sample at 100 Hz, jittered ones too. One is too few for a current that
+"""After a jump: two a sample at 100 Hz, jittered ones too. One is too few for a current that
 chatters."""
+_JUMP = 0.3
+"""In A or of a duty: after a smaller change of an input steps are no shorter. With limits from
+0.05 to 0.3 all effects are off by 0.04 floors on average and by 0.6 at most; by 3.5 without short
+steps."""
 _DRIVEN_STEP_S = 1.2e-2
 """One a sample at 100 Hz: steps of 40 ms there leave 0.9 floors of voltage of phase_resistivity."""
 _IDLE_STEP_S = 4e-2
@@ -51,7 +55,9 @@ class Steps:
         driven = np.column_stack([rows, *forcing])
         other = np.r_[True, (driven[1:] != driven[:-1]).any(axis=1)]
         longest = np.where(rows[:, 0:2].any(axis=1), _DRIVEN_STEP_S, _IDLE_STEP_S)
-        longest[t_s - _latest(begins, other) <= _SETTLING_S] = STEP_S
+        least = np.r_[np.full(rows.shape[1], _JUMP), np.zeros(len(forcing))]
+        jumps = np.r_[True, (np.abs(driven[1:] - driven[:-1]) > least).any(axis=1)]
+        longest[t_s - _latest(begins, jumps) <= _SETTLING_S] = STEP_S
         # Jumps with an input are over by the end of its first sample.
         fresh = other | np.r_[True, other[:-1] | (longest[1:] != longest[:-1])]
         number = np.ceil((t_s - _latest(begins, fresh)) / longest - _MORE)

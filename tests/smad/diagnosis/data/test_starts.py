@@ -1,10 +1,12 @@
 """Runs are replayed from where they read at their start."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
+from sim_device.plant.laws import Law, Term
 from smad.checkup.programme import shipped
 from smad.diagnosis import diagnose
 from smad.diagnosis.data.admission import admit
@@ -14,9 +16,11 @@ from smad.diagnosis.data.starts import starting_as_read, usual_starts
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.replays import GivenPoint, GivenRun
 from smad.diagnosis.verdict import QUIET
 from smad.diagnosis.verify import verified
 from tests.smad.checkup.short import PLANT, played
+from tests.smad.diagnosis.cases import strong
 
 RUN = shipped().runs[0]
 TRUE = ModelPoint({})
@@ -49,6 +53,22 @@ def test_an_unchanged_bench_that_was_used_before_leaves_its_floor() -> None:
     as_mounted = [replace(run, starts={"displacement_mm": 0.0}) for run in runs]
     *_, whole = verified(PLANT, as_mounted, TRUE)
     assert whole.raw > 5.0
+
+
+LAW = Law("recoverable_strain", "both", (Term(name="level", coefficient=1e-3),))
+POINTS = {e.name: ModelPoint({}, {e.name: strong(e)}) for e in PLANT.effects}
+POINTS["a law"] = ModelPoint({}, laws=(LAW,))
+
+
+@cache
+def read() -> GapRun:
+    return starting_as_read(PLANT, used(1).part(0, 20))
+
+
+@pytest.mark.parametrize("name", POINTS)
+def test_what_acts_on_no_sensor_leaves_a_start_where_it_reads(name: str) -> None:
+    run, given = GivenRun(read()), GivenPoint(PLANT, POINTS[name])
+    assert run.starts(given) == pytest.approx(run.less_sensors(given), abs=1e-9)
 
 
 def test_nothing_is_missing_in_the_simulator_of_an_unchanged_bench_that_was_used_before() -> None:

@@ -50,9 +50,16 @@ def test_every_change_of_an_input_begins_and_ends_a_step_with_its_sample(rate_hz
     assert np.array_equal(steps.inputs.rows, inputs.rows[sample])
 
 
-def test_a_current_that_changes_with_every_sample_is_replayed_in_short_steps() -> None:
-    steps = Steps.of(inputs_of(lambda t_s: 1.0 + 0.1 * np.sin(t_s)))
-    assert spans(steps, 0.0, 10.0).max() <= STEP_S
+def test_a_current_that_chatters_is_replayed_in_short_steps() -> None:
+    steps = Steps.of(inputs_of(lambda t_s: 1.0 + 0.5 * (np.arange(len(t_s)) % 20 < 10)))
+    assert spans(steps, 0.0, 10.0).max() <= 1.01 * STEP_S
+
+
+def test_a_current_that_changes_little_with_every_sample_has_a_step_for_each() -> None:
+    inputs = inputs_of(lambda t_s: 1.0 + 0.1 * np.sin(t_s))
+    steps = Steps.of(inputs)
+    settled = inputs.t_s > 0.5
+    assert np.array_equal(steps.t_s[steps.t_s > 0.5], inputs.t_s[settled])
 
 
 def test_a_forcing_that_varies_is_kept_and_one_that_does_not_changes_no_step() -> None:
