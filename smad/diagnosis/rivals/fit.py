@@ -355,22 +355,22 @@ def fit(
 def leave_out(evidence: Evidence, fitted: Fit) -> tuple[Array, ...]:
     """Coordinates (k,) fitted without each fold: one Gauss–Newton step from those of all rows.
 
-    At a minimum the step for all rows is 0 but for errors of the slopes, so it is subtracted.
+    At a minimum the step for all rows is 0 but for errors of the slopes, so it is subtracted. The
+    drifts couple the rows of a run, so they are marginalised anew where stretches are left out.
     """
     model, x = fitted.model, fitted.x
     low, high = model.bounds
     mean, precision = model.prior
-    weight = weights(evidence, fitted.residual)
-    J, r = _whitened(evidence, fitted.slopes, fitted.residual, weight)
-    products, along = J @ J.T + precision, J @ r - precision @ (x - mean)
-    of_all = bounded_step(products, along, low - x, high - x)
-    out = []
-    for f in range(int(evidence.fold.max(initial=-1)) + 1):
-        held_out = evidence.fold == f
-        A, g = products - J[:, held_out] @ J[:, held_out].T, along - J[:, held_out] @ r[held_out]
-        step = bounded_step(A, g, low - x, high - x) - of_all
-        out.append(np.clip(x + step, low, high))
-    return tuple(out)
+
+    def step_by(weight: Array) -> Array:
+        J, r = _whitened(evidence, fitted.slopes, fitted.residual, weight)
+        A, g = J @ J.T + precision, J @ r - precision @ (x - mean)
+        return bounded_step(A, g, low - x, high - x)
+
+    weight, folds = weights(evidence, fitted.residual), int(evidence.fold.max(initial=-1)) + 1
+    of_all = step_by(weight)
+    steps = (step_by(weight * (evidence.fold != f)) - of_all for f in range(folds))
+    return tuple(np.clip(x + step, low, high) for step in steps)
 
 
 def _whitened(

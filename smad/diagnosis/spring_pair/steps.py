@@ -1,6 +1,6 @@
 """The time steps of the kernel in the replay of a recorded run.
 
-Steps are short after an input has changed; as long as a sample while a current flows, since the
+Steps are short after an input has jumped; as long as a sample while a current flows, since the
 resistance follows the transformation; and longer than several samples while nothing is driven.
 Readings between them are interpolated.
 """

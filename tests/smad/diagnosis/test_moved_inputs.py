@@ -21,7 +21,9 @@ def doubts(verdict: Verdict) -> list[str]:
     return [f.text for f in verdict.findings if f.kind == COLUMN_DOUBTED]
 
 
-@pytest.mark.parametrize(("rows", "words"), [(-1, "early"), (1, "late")])
+@pytest.mark.parametrize(
+    ("rows", "words"), [pytest.param(-1, "early", marks=pytest.mark.campaign), (1, "late")]
+)
 def test_inputs_that_stand_in_the_wrong_row_are_doubted_rather_than_the_simulator(
     rows: int, words: str
 ) -> None:
