@@ -46,8 +46,8 @@ _OUTPUTS = ("i_x_A", "i_y_A", "v_x_V", "v_y_V", "rtd_inlet_degC", "rtd_ambient_d
 
 
 def _acts_on_sensors(*places: str) -> bool:
-    """Whether one of these places is a sensor: of the others none changes what a start reads."""
-    return any(name.startswith("reading_") for name in places)
+    """Whether one of these places is a sensor: nothing else changes what a start reads."""
+    return any(place in places for place, _, _ in _SENSORS.values())
 
 
 class PointReader(Protocol):

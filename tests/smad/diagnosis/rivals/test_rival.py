@@ -31,9 +31,10 @@ def in_a_room_off_by(K: float, seed: int) -> GapRun:
     return replace(run, outputs={n: y + moved[n] - usual[n] for n, y in run.outputs.items()})
 
 
-@pytest.mark.parametrize("rooms", [(0.5,), (0.5, -0.4)])
+# One run alone hardly says whether the room was as warm before it began.
+@pytest.mark.parametrize(("rooms", "most"), [((0.5,), 1.5), ((0.5, -0.4), 1.1)])
 def test_what_wanders_is_judged_alike_in_stretches_and_in_whole_runs(
-    rooms: tuple[float, ...],
+    rooms: tuple[float, ...], most: float
 ) -> None:
     runs = [in_a_room_off_by(K, seed) for seed, K in enumerate(rooms, start=5)]
     start = replace(nominal_point(PLANT), effects=BENCH.effects)
@@ -47,7 +48,7 @@ def test_what_wanders_is_judged_alike_in_stretches_and_in_whole_runs(
     assert asked.at_floor(fitted)
     ambient = [c.name for c in PLANT.channels].index("rtd_ambient_degC")
     whole = evidence.squares(without_drifts(evidence, fitted.fitted.residual))
-    assert (fitted.squares[:, ambient] < 1.5 * whole[:, ambient]).all()
+    assert (fitted.squares[:, ambient] < most * whole[:, ambient]).all()
 
 
 def test_the_error_of_a_model_that_cannot_replay_names_runs_held_out_too() -> None:
